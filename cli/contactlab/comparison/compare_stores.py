@@ -245,18 +245,15 @@ def pair_runs(baseline: Store, candidate: Store, policy: ComparePolicy) -> Pairi
         raise StoreError(f"{message}: {explain_unpaired(baseline, candidate)}")
     if scenes := find_difference(baseline, candidate, "scene_hash"):
         message += f": the scene changed ({scenes[0]}, now {scenes[1]})"
-    raise StoreError(f"{message}; {_how_to_match(baseline, candidate)}")
-
-
-def _how_to_match(baseline: Store, candidate: Store) -> str:
-    """Return how to compare stores without a common id, if matching by axes can, or why not."""
     try:
-        found = pair_by_axes(baseline, candidate)
+        matches = len(pair_by_axes(baseline, candidate).baseline)
     except StoreError as error:
-        return str(error)
-    if len(found.baseline):
-        return "to compare runs of equal axis values instead, add --match axes"
-    return explain_unpaired(baseline, candidate)
+        raise StoreError(f"{message}; {error}") from error
+    if matches:
+        raise StoreError(
+            f"{message}; to compare runs of equal axis values instead, add --match axes"
+        )
+    raise StoreError(f"{message}; {explain_unpaired(baseline, candidate)}")
 
 
 def _select_judged(paired: PairedStores) -> PairedStores:

@@ -92,17 +92,29 @@ def _compare_shares(paired: PairedStores, against: str) -> _Compared | None:
     """
     if paired.policy.match == "none":
         return _compare_unpaired(paired, against)
-    after, before = _of_pairs(paired)
-    pairs = len(after.good)
+    (baseline, rows), (candidate, others) = paired.sides
+    good = paired.policy.outcomes.good
+    (knew, was), (knows, ended) = _read_outcomes(baseline, good), _read_outcomes(candidate, good)
+    known = knew[rows] & knows[others]
+    pairs = int(known.sum())
     if not pairs:
         return None
+    settings = settings_of(baseline)[rows][known]
+    after = _Outcomes(ended[others][known], settings)
+    before = _Outcomes(was[rows][known], settings)
     gained = int((after.good & ~before.good).sum())
     lost = int((before.good & ~after.good).sum())
     low, high = paired_difference(gained, lost, pairs)
+    if (chance := paired_chance(gained, lost)) < 0.05:
+        told = f"equal shares would differ as much with a chance of {chance:.2g}"
+    elif (needed := pairs_to_tell(gained, lost, pairs)) is None:
+        told = "not distinguishable"
+    else:
+        told = f"not distinguishable; about {needed:,} pairs would show it"
     message = (
         f"{after.counts[0]:,} of {pairs:,}, {before.counts[0]:,} in {against}: {gained:,} gained "
         f"and {lost:,} lost, {low:+.1%} to {high:+.1%} with 95 %; "
-        f"{_describe_chance(gained, lost, pairs)}; "
+        f"{told}; "
         f"{_describe_shares(paired.policy.outcomes.in_a_row, after, before)}"
     )
     return (low, high), message, pairs
@@ -152,15 +164,6 @@ def _of_store(store: Store, good: str) -> _Outcomes:
     return _Outcomes(ended[known], settings_of(store)[rows[known]])
 
 
-def _of_pairs(paired: PairedStores) -> tuple[_Outcomes, _Outcomes]:
-    (before, rows), (after, others) = paired.sides
-    good = paired.policy.outcomes.good
-    (knew, was), (knows, ended) = _read_outcomes(before, good), _read_outcomes(after, good)
-    known = knew[rows] & knows[others]
-    settings = settings_of(before)[rows][known] if known.any() else rows[:0]
-    return _Outcomes(ended[others][known], settings), _Outcomes(was[rows][known], settings)
-
-
 def _read_outcomes(store: Store, good: str) -> tuple[Mask, Mask]:
     """Return (runs) whether each says how it ended, and whether that is good."""
     if good == _STABLE:
@@ -172,12 +175,3 @@ def _read_outcomes(store: Store, good: str) -> tuple[Mask, Mask]:
         return none, none
     found = store.columns.numbers(SUCCESS)
     return found.valid, found.values == 1
-
-
-def _describe_chance(gained: int, lost: int, pairs: int) -> str:
-    chance = paired_chance(gained, lost)
-    if chance < 0.05:
-        return f"equal shares would differ as much with a chance of {chance:.2g}"
-    if (needed := pairs_to_tell(gained, lost, pairs)) is None:
-        return "not distinguishable"
-    return f"not distinguishable; about {needed:,} pairs would show it"

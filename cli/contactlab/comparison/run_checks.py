@@ -187,10 +187,22 @@ def _label_check(labels: PairLabels, subject: Subject, rank: int, members: Rows)
     verdicts[lost & (of_pair == BETTER)] = BETTER
     verdicts[gained & ((of_pair != WORSE) | allowed)] = CHANGED
     verdicts[gained & (of_pair == WORSE) & ~allowed] = WORSE
-    ranks = labels.paired.ranks
-    parts = list(_label_counts(verdicts, ranks[rank], int((gained & allowed).sum())))
-    if ranks[rank] in labels.notes and gained.any():
-        parts.append(labels.notes[ranks[rank]])
+
+    ranks, counts, runs = labels.paired.ranks, verdict_counts(verdicts), len(verdicts)
+    label, permitted, parts = ranks[rank], int((gained & allowed).sum()), list[str]()
+    if "worse" in counts:
+        parts.append(f"{out_of(counts['worse'], runs)} newly {label}")
+    if permitted:
+        parts.append(f"{plural(permitted)} newly {label}, as the policy allows")
+    if (others := counts.get("changed", 0) - permitted) > 0:
+        parts.append(f"{plural(others)} newly {label}, but better on the whole")
+    if "better" in counts:
+        parts.append(f"{out_of(counts['better'], runs)} no longer {label}")
+    if counts.keys() <= {"same"}:
+        parts.append(f"none in {plural(runs)}")
+    if label in labels.notes and gained.any():
+        parts.append(labels.notes[label])
+
     shown = members[np.flatnonzero(verdicts == verdicts.max(initial=SAME))[:MOST_SHOWN]]
     shown = shown if verdicts.any() else shown[:0]
     worst = labels.paired.run_pairs(
@@ -199,20 +211,6 @@ def _label_check(labels: PairLabels, subject: Subject, rank: int, members: Rows)
         [ranks[code] for code in labels.after[shown].tolist()],
     )
     return subject.finding(verdicts, "; ".join(parts), worst)
-
-
-def _label_counts(verdicts: Verdicts, label: str, allowed: int) -> Iterator[str]:
-    counts, runs = verdict_counts(verdicts), len(verdicts)
-    if "worse" in counts:
-        yield f"{out_of(counts['worse'], runs)} newly {label}"
-    if allowed:
-        yield f"{plural(allowed)} newly {label}, as the policy allows"
-    if (others := counts.get("changed", 0) - allowed) > 0:
-        yield f"{plural(others)} newly {label}, but better on the whole"
-    if "better" in counts:
-        yield f"{out_of(counts['better'], runs)} no longer {label}"
-    if counts.keys() <= {"same"}:
-        yield f"none in {plural(runs)}"
 
 
 def _find_obstacle(entry: AllowedTransition, runs: int, paired: PairedStores) -> str | None:

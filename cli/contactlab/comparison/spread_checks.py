@@ -21,7 +21,6 @@ from contactlab.rendering.amounts import format_digits, format_percent
 from contactlab.schema.finding import Finding
 from contactlab.shares import SURE, median_interval, paired_difference
 from contactlab.store.run_columns import NumberColumn
-from contactlab.store.table_layout import Column
 
 
 def pairs_to_tell(metrics: int) -> int:
@@ -84,7 +83,15 @@ def spread_metric_checks(paired: PairedStores) -> Iterator[Finding]:
         rule = effective_rule(metric, paired.policy)
         reason = explain_incomparable(paired, metric, rule)
         for group, member in group_pairs(paired.baseline, paired.pairing, rule.by):
-            subject = _metric_subject(metric, rule, group)
+            unchanged = rule.better == "none"
+            subject = Subject(
+                name=f"{metric.name} {'unchanged' if unchanged else 'no worse'}",
+                kind=kind_of(metric.name),
+                level=rule.level,
+                group=group,
+                unit=metric.unit,
+                two_sided=unchanged,
+            )
             if reason:
                 yield subject.skipped(reason)
                 continue
@@ -99,18 +106,6 @@ def spread_metric_checks(paired: PairedStores) -> Iterator[Finding]:
             ):
                 found = unless_unjudged(paired, subject, found, new, after.valid)
             yield found
-
-
-def _metric_subject(metric: Column, rule: EffectiveRule, group: str) -> Subject:
-    unchanged = rule.better == "none"
-    return Subject(
-        name=f"{metric.name} {'unchanged' if unchanged else 'no worse'}",
-        kind=kind_of(metric.name),
-        level=rule.level,
-        group=group,
-        unit=metric.unit,
-        two_sided=unchanged,
-    )
 
 
 def spread_finding(
@@ -138,7 +133,8 @@ def spread_finding(
     middle = (int(both.sum()) - 1) // 2
     old, new_value = (float(np.sort(each.values[both])[middle]) for each in (before, after))
     interval = "" if ends[0] == ends[1] else f" ({ends[0]} to {ends[1]})"
-    medians = _medians_text(old, new_value, subject.unit)
+    medians = f"{format_digits(old, 3)} -> {format_digits(new_value, 3)}"
+    medians += "" if subject.unit in {"", "1", "any"} else f" {subject.unit}"
     message = f"median change {_share_text(np.sort(shares)[middle])}{interval}, {medians}"
     message += (
         f", within {format_percent(rule.rel)}" if code == SAME and low > -1 and high < 1 else ""
@@ -151,11 +147,6 @@ def spread_finding(
 
 def _share_text(share: float) -> str:
     return f"{share:+.1%}" if abs(share) < 1e3 else "to a thousandfold or more"
-
-
-def _medians_text(before: float, after: float, unit: str) -> str:
-    shown = f"{format_digits(before, 3)} -> {format_digits(after, 3)}"
-    return shown if unit in {"", "1", "any"} else f"{shown} {unit}"
 
 
 def _find_changes(rule: EffectiveRule, before: Floats, after: Floats) -> tuple[Floats, Floats]:

@@ -77,7 +77,7 @@ def contact_modes(
     if steps:
         first = np.flatnonzero(carries[:, 0])
         _begin_contact(events, first, np.zeros_like(first))
-    # At each sample, the last event at or before it; 0 is no event.
+    # At each sample, the last event at or before it; 0 means that nothing happens.
     step = np.arange(1, steps + 1, dtype=np.int32) * 4
     dated = np.where(events == 0, 0, step + events)
     held = (np.maximum.accumulate(dated, axis=1) & 3).astype(np.int8)

@@ -10,7 +10,6 @@ import numpy as np
 from pydantic import ValidationError
 
 from contactlab.comparison.pairing import round_values
-from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import StoreError
 from contactlab.rendering.amounts import format_percent
 from contactlab.reporting.report import ReportData
@@ -101,7 +100,15 @@ def _measure_costs(data: ReportData, rows: dict[str, Codes]) -> Iterator[EngineC
 
 def _gate_of_store(data: ReportData, rows: dict[str, Codes]) -> Iterator[GateRow]:
     """Yield the differences of paired runs, without floors for the effect of rounding."""
-    keys, (reference, *others) = _pair_keys(data), rows.items()
+    # Runs that differ in their engines alone have equal keys.
+    keys = np.zeros(data.store.columns.runs, np.int64)
+    axes = [axis for axis in data.axes if axis.name != _AXIS]
+    columns = [axis.codes if axis.numbers is None else round_values(axis.numbers) for axis in axes]
+    for column in (*columns, data.store.columns.numbers("seed")[0]):
+        codes = np.unique(column, return_inverse=True)[1]
+        keys = np.unique(keys * (codes.max() + 1) + codes, return_inverse=True)[1]
+
+    reference, *others = rows.items()
     quantities = {"success": (~data.labels.failed).astype(float)}
     quantities |= {
         quantity.name: quantity.values for quantity in data.quantities_named(_PENETRATION)
@@ -109,31 +116,22 @@ def _gate_of_store(data: ReportData, rows: dict[str, Codes]) -> Iterator[GateRow
     for name, own in others:
         _, ours, theirs = np.intersect1d(keys[reference[1]], keys[own], return_indices=True)
         for quantity, values in quantities.items():
-            pair = values[reference[1][ours]], values[own[theirs]]
-            known = np.isfinite(pair[0]) & np.isfinite(pair[1])
-            if known.any():
-                yield _gate_row(name, quantity, pair[0][known], pair[1][known])
-
-
-def _pair_keys(data: ReportData) -> Codes:
-    # Runs that differ in their engines alone have equal keys.
-    keys = np.zeros(data.store.columns.runs, np.int64)
-    axes = [axis for axis in data.axes if axis.name != _AXIS]
-    columns = [axis.codes if axis.numbers is None else round_values(axis.numbers) for axis in axes]
-    for values in (*columns, data.store.columns.numbers("seed")[0]):
-        codes = np.unique(values, return_inverse=True)[1]
-        keys = np.unique(keys * (codes.max() + 1) + codes, return_inverse=True)[1]
-    return keys
-
-
-def _gate_row(engine: str, quantity: str, ours: Floats, theirs: Floats) -> GateRow:
-    scale = np.ones_like(ours) if quantity == "success" else np.abs(ours)
-    change = np.abs(theirs - ours)
-    shares = np.divide(change, scale, out=np.where(change > 0, np.inf, 0.0), where=scale > 0)
-    mean, worst = float(shares.mean()), float(shares.max())
-    verdict = "within" if worst <= GATE else "worst run beyond" if mean <= GATE else "beyond"
-    means = float(ours.mean()), float(theirs.mean())
-    return GateRow(engine, quantity, len(ours), *means, mean, worst, verdict)
+            one, other = values[reference[1][ours]], values[own[theirs]]
+            known = np.isfinite(one) & np.isfinite(other)
+            if not known.any():
+                continue
+            one, other = one[known], other[known]
+            scale, change = np.abs(one), np.abs(other - one)
+            if quantity == "success":
+                scale = np.ones_like(one)
+            out = np.where(change > 0, np.inf, 0.0)
+            shares = np.divide(change, scale, out=out, where=scale > 0)
+            mean, worst = float(shares.mean()), float(shares.max())
+            verdict = (
+                "within" if worst <= GATE else "worst run beyond" if mean <= GATE else "beyond"
+            )
+            means = float(one.mean()), float(other.mean())
+            yield GateRow(name, quantity, len(one), *means, mean, worst, verdict)
 
 
 def _gate_of_report(report: ParityReport) -> Iterator[GateRow]:

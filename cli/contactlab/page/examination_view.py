@@ -21,7 +21,7 @@ from contactlab.rendering.document import Document
 from contactlab.rendering.html import render_html
 from contactlab.reporting.budget_document import phase_begins
 from contactlab.reporting.examination_document import describe_examination
-from contactlab.schema.error_budget import BudgetPhase, BudgetReport, BudgetRow
+from contactlab.schema.error_budget import BudgetReport
 from contactlab.schema.examination import Examination
 from contactlab.store.finished_store import Store
 
@@ -87,7 +87,14 @@ def examination_view(
 
 def _worst_moment(store: Store, report: Examination, budget: BudgetReport) -> Moment | None:
     """Return the worst window of the first reason, or of the numerical error."""
-    phase, row = _worst_row(budget)
+    if budget.reasons:
+        reason = budget.reasons[0]
+        phase = next(each for each in budget.phases if each.name == reason.phase)
+        rows = {row.name: row for row in phase.rows}
+        row = rows.get(reason.row, phase.numerical_error)
+    else:
+        phase = max(budget.phases, key=lambda phase: phase.numerical_error.error or 0.0)
+        row = phase.numerical_error
     if row.time is None or row.seed is None or row.body is None:
         return None
     seeds = dict(zip(*(store.table[name].to_pylist() for name in ("seed", "run_id")), strict=True))
@@ -97,16 +104,6 @@ def _worst_moment(store: Store, report: Examination, budget: BudgetReport) -> Mo
         return None
     words = f"the worst moment: {row.body}, {begin:.2f} s, seed {seed}"
     return Moment(seeds[seed], row.body, begin, begin + phase.window, words)
-
-
-def _worst_row(budget: BudgetReport) -> tuple[BudgetPhase, BudgetRow]:
-    phases = {phase.name: phase for phase in budget.phases}
-    for reason in budget.reasons:
-        phase = phases[reason.phase]
-        rows = {row.name: row for row in phase.rows}
-        return phase, rows.get(reason.row, phase.numerical_error)
-    worst = max(budget.phases, key=lambda phase: phase.numerical_error.error or 0.0)
-    return worst, worst.numerical_error
 
 
 def _fix_chart(budget: BudgetReport) -> Spec | None:

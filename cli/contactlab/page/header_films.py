@@ -117,18 +117,16 @@ def header_films(data: ReportData, worst: str | None, *, drawn: bool) -> Films:
             films += film_of(data.store, run)
         except (OutputError, SceneError) as error:
             missing = "" if drawn else str(error)
-            films += [] if drawn else _drawing_of(data.store, run)
+            if drawn:
+                continue
+            record = data.store.record(run)
+            with suppress(ContactlabError):
+                end = float(data.store.trace(record).time[-1])
+                source = _draw_moment(data.store, Moment(run, "", end, end, ""))
+                films.append(HeaderFilm(run, record.label, source, moves=False))
         except ContactlabError as error:
             missing = str(error)
     return Films(films, "" if films else missing)
-
-
-def _drawing_of(store: Store, run: str) -> Iterator[HeaderFilm]:
-    record = store.record(run)
-    with suppress(ContactlabError):
-        end = float(store.trace(record).time[-1])
-        source = _draw_moment(store, Moment(run, "", end, end, ""))
-        yield HeaderFilm(run, record.label, source, moves=False)
 
 
 def _draw_moment(store: Store, moment: "Moment") -> str:

@@ -168,16 +168,13 @@ def label_map(
     shown = [name for name in labels.legend if name in used]
     colour = word_colours("label", labels.legend, labels.colours)
     colour = colour.legend(title="label", values=shown)
-    rows = _MapRows(pieces, letters, boundary or [], _inferred_rows(inferred, labels))
+    inferred_pieces: Rows = []
+    if inferred is not None:
+        for y, x in np.argwhere(inferred != NOT_INFERRED).tolist():
+            label = labels.legend[inferred[y, x]]
+            inferred_pieces.append(_cell_piece(x, y, 0, 1) | {"label": label})
+    rows = _MapRows(pieces, letters, boundary or [], inferred_pieces)
     return _layer_map(axes, room, rows, colour, 13)
-
-
-def _inferred_rows(inferred: Codes | None, labels: RunLabels) -> Rows:
-    """Return a piece for each cell with an inferred label."""
-    if inferred is None:
-        return []
-    cells = np.argwhere(inferred != NOT_INFERRED).tolist()
-    return [_cell_piece(x, y, 0, 1) | {"label": labels.legend[inferred[y, x]]} for y, x in cells]
 
 
 def number_map(

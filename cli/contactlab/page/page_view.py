@@ -380,11 +380,18 @@ def map_view(data: ReportData) -> MapView | None:
     axes = data.map_axes
     if axes is None:
         return None
+    most_cells = 400  # of a table next to the picture
+    rows = list[tuple[str, list[str]]]()
+    if axes.size <= most_cells:
+        ticks, names = axes.y.ticks if axes.y else ("all",), data.labels.names
+        for tick, line in zip(ticks, label_counts(axes, data.labels).tolist(), strict=True):
+            found = [[f"{n} {names[code]}" for code, n in enumerate(cell) if n] for cell in line]
+            rows.insert(0, (tick, list(map(", ".join, found))))
     return MapView(
         picture=static_svg(default_map(data), f"Labels over {' and '.join(axes.names)}"),
         corner=f"{axes.y.title} \\ {axes.x.title}" if axes.y else axes.x.title,
         ticks=axes.x.ticks,
-        rows=_map_rows(data),
+        rows=rows,
         has_closed_form=bool(data.quantities_named("oracle_expected")),
         coverage=describe_coverage(data.boundaries) if data.boundaries else "",
         draws_inferred=any(True for _ in inferred_labels(data)),
@@ -414,19 +421,6 @@ def budget_views(store: Store) -> Iterator[BudgetView]:
     for budget in store.manifest.parameter_budgets:
         title, rows = budget_sentence(budget, store), by_share(budget)
         yield BudgetView(f"{title[:1].upper()}{title[1:]}", rows, axes_of_starts(budget))
-
-
-def _map_rows(data: ReportData) -> list[tuple[str, list[str]]]:
-    axes, labels = data.map_axes, data.labels
-    most_cells = 400
-    if axes is None or axes.size > most_cells:
-        return []
-    ticks = axes.y.ticks if axes.y else ("all",)
-    rows = [
-        [", ".join(f"{n} {labels.names[code]}" for code, n in enumerate(cell) if n) for cell in row]
-        for row in label_counts(axes, labels).tolist()
-    ]
-    return list(zip(ticks, rows, strict=True))[::-1]
 
 
 def tradeoff_view(data: ReportData, chart: Spec | None) -> TradeoffView | None:
@@ -502,7 +496,17 @@ def effects_view(data: ReportData) -> EffectsView | None:
 def expectations_view(store: Store) -> ExpectationsView | None:
     """Return expectations and the first runs that do not meet theirs; None without expectations."""
     rows = list(_expectation_rows(store.manifest))
-    return ExpectationsView(rows, _unexpected_runs(store)) if rows else None
+    if not rows:
+        return None
+    unexpected = list[tuple[str, str, str]]()
+    if store.manifest.expectations.get("unmet", 0):
+        most_listed = 50
+        unmet = np.flatnonzero(store.columns.numbers("expectation_met").values == 0)
+        for row in store.columns.select_values(
+            ["run_id", "label", "expectation_reason"], unmet[:most_listed].tolist()
+        ):
+            unexpected.append((row["run_id"], row["label"], row["expectation_reason"] or ""))
+    return ExpectationsView(rows, unexpected)
 
 
 def _expectation_rows(manifest: StoreManifest) -> Iterator[tuple[str, str, str]]:
@@ -524,17 +528,6 @@ def _format_bounds(name: str, bounds: Bounds) -> str:
     if low is not None and high is not None:
         return f"{low:g} ≤ {name} ≤ {high:g}"
     return f"{name} ≥ {low:g}" if low is not None else f"{name} ≤ {high:g}"
-
-
-def _unexpected_runs(store: Store) -> list[tuple[str, str, str]]:
-    """Return id, label and unmet expectation of the first runs that are not as expected."""
-    if not store.manifest.expectations.get("unmet", 0):
-        return []
-    met = store.columns.numbers("expectation_met").values
-    most_listed = 50
-    unmet = np.flatnonzero(met == 0)[:most_listed].tolist()
-    rows = store.columns.select_values(["run_id", "label", "expectation_reason"], unmet)
-    return [(row["run_id"], row["label"], row["expectation_reason"] or "") for row in rows]
 
 
 def engines_view(data: ReportData, request: PageRequest) -> EnginesView | None:

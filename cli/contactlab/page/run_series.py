@@ -1,7 +1,7 @@
 """A run in a page: its trace in a few hundred points."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -120,27 +120,26 @@ def qpos_entries(
     The MJCF lacks joints of included files. If its joints do not add up to the size of qpos, the
     covered joints are used; without these, entries have their index.
     """
-    for joints in (list(_model_joints(model_xml)), list(_covered_joints(covered))):
-        if sum(_JOINT_SIZES[kind] for _, kind in joints) == size:
-            return tuple(_joint_entries(joints))
-    return tuple(QposEntry(index, f"qpos[{index}]", "m, rad", False) for index in range(size))
-
-
-def _joint_entries(joints: Sequence[tuple[str, str]]) -> Iterator[QposEntry]:
-    index = 0
+    # Coverage has the types of joints as far as their travel tells them, in the order of qpos.
+    told = [
+        (name, "hinge or slide" if joint.turned is None else "free")
+        for name, joint in covered.items()
+    ]
+    candidates = [*_model_joints(model_xml)], told
+    fitting = (each for each in candidates if sum(_JOINT_SIZES[kind] for _, kind in each) == size)
+    if (joints := next(fitting, None)) is None:
+        return tuple(QposEntry(index, f"qpos[{index}]", "m, rad", False) for index in range(size))
+    entries, index = list[QposEntry](), 0
     for name, kind in joints:
         if kind == "free":
-            for offset, axis in enumerate("xyz"):
-                yield QposEntry(index + offset, f"{name} {axis}", "m", axis == "z")
+            entries += [
+                QposEntry(index + offset, f"{name} {axis}", "m", axis == "z")
+                for offset, axis in enumerate("xyz")
+            ]
         elif kind != "ball":
-            yield QposEntry(index, name, _UNITS[kind], False)
+            entries.append(QposEntry(index, name, _UNITS[kind], False))
         index += _JOINT_SIZES[kind]
-
-
-def _covered_joints(joints: Mapping[str, Travel]) -> Iterator[tuple[str, str]]:
-    """Yield name and type of joints in the order of qpos, as far as coverage has types."""
-    for name, travel in joints.items():
-        yield name, "hinge or slide" if travel.turned is None else "free"
+    return tuple(entries)
 
 
 def is_single_body(trace: StoredTrace) -> bool:

@@ -153,9 +153,11 @@ def read_condition(
         return Match(tuple(settings), None, document.value_place(path))
     specs = [spec for name in known if (spec := context.find_axis(name))]
     names = (*known, *(part for spec in specs for part in spec.parts))
-    where = document.value_place((*path, "where"))
-    inside = _first_character_place(where, condition.where)
-    expression = _read_expression(context, condition.where, names, inside, where)
+    where, text = document.value_place((*path, "where")), condition.where
+    # The first character: a quoted text begins one later, and one with escapes has no such place.
+    begins = [skip for skip in (0, 1) if where.text[where.column - 1 + skip :].startswith(text)]
+    inside = where.narrow_range(begins[0], 1) if begins else None
+    expression = _read_expression(context, text, names, inside, where)
     splits = tuple((spec.name, spec.split) for spec in specs if spec.split)
     return Match(tuple(settings), expression, document.value_place(path), inside, splits)
 
@@ -175,12 +177,3 @@ def _read_expression(
         if name not in names:
             add_not_swept(context, name, part(start, len(name)), names)
     return expression
-
-
-def _first_character_place(place: Place, text: str) -> Place | None:
-    # A quoted text begins one character later; a text with escapes has no such place.
-    for skip in (0, 1):
-        start = place.column - 1 + skip
-        if place.text[start : start + len(text)] == text:
-            return place.narrow_range(skip, 1)
-    return None

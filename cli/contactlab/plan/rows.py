@@ -337,10 +337,8 @@ def _sampled_blocks(context: SweepContext, axes: Mapping[str, Sampled]) -> list[
         hint = f"write n: {near // 2}, or {near}"
         document.add_mistake("bad-value", place, "saltelli takes a power of two", hint)
         return []
-    return [_sampled_block(context, axes, sample)] if axes and sample else []
-
-
-def _sampled_block(context: SweepContext, axes: Mapping[str, Sampled], sample: Sample) -> Block:
+    if not axes or not sample:
+        return []
     cube = sample_points(sample, len(axes))
     columns: list[list[object]] = []
     for index, (name, axis) in enumerate(axes.items()):
@@ -349,4 +347,4 @@ def _sampled_block(context: SweepContext, axes: Mapping[str, Sampled], sample: S
         if spec is not None and UNREADABLE not in bounds:
             values = sampled_values(axis, spec, cube[:, index])
             columns.append(_canonical_column(context, name, values, path, written=False))
-    return Block(tuple(axes), tuple(zip(*columns, strict=False)))
+    return [Block(tuple(axes), tuple(zip(*columns, strict=False)))]

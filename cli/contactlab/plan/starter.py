@@ -43,6 +43,12 @@ def starter_text(
     expected = "stable" if "stable" in vocabulary.labels else next(iter(vocabulary.labels), "")
     driven = f"drive: {drive}" if drive else "# drive: none"
     timestep = _yaml_value(settings.get("timestep", 1e-3))
+    tolerances = [
+        "# The cheapest settings within these are recommended. The first bounds the",
+        "# numerical error of the motion: residual forces over real ones, measured in every run.",
+        f"tolerances: {{{_ERROR_METRIC}: 10%}}",
+        "checks: all           # or flagged: of runs that are not stable alone",
+    ]
     lines = [
         f"# yaml-language-server: $schema=./{SCHEMA_NAME}",
         "version: 1",
@@ -70,7 +76,7 @@ def starter_text(
         f'#   - {{where: "timestep > {timestep}"}}',
         "# include:              # further rows, or {file: runs.csv}",
         "#   - {timestep: 1e-4}",
-        *_tolerance_lines(vocabulary),
+        *(tolerances if _ERROR_METRIC in vocabulary.metrics else []),
         *(["# expect:               # makes the sweep a test"] if expected else []),
         *([f"#   - {{where: {{timestep: {timestep}}}, label: {expected}}}"] if expected else []),
         "trace: all            # all, flagged, none or sample:N; without one, a run has no film",
@@ -79,17 +85,6 @@ def starter_text(
         *_axis_list(vocabulary),
     ]
     return "\n".join(lines).rstrip() + "\n"
-
-
-def _tolerance_lines(vocabulary: Vocabulary) -> list[str]:
-    if _ERROR_METRIC not in vocabulary.metrics:
-        return []
-    return [
-        "# The cheapest settings within these are recommended. The first bounds the",
-        "# numerical error of the motion: residual forces over real ones, measured in every run.",
-        f"tolerances: {{{_ERROR_METRIC}: 10%}}",
-        "checks: all           # or flagged: of runs that are not stable alone",
-    ]
 
 
 def _common_axes(

@@ -181,17 +181,15 @@ def _add_value(document: Document, detail: ErrorDetails, path: KeyPath) -> None:
         hint = suggestion(given, choices.replace(" or ", ", ").split(", ")) or f"write {choices}"
     if kind == "drive_form":
         hint = suggestion(given, DRIVE_WORDS) or "write one of these"
-    name = f"'{_innermost_key(path)}' " if _innermost_key(path) else ""
-    hint = hint or _KEY_EXAMPLES.get(_innermost_key(path), "") or _bound_example(wording)
+    key = _innermost_key(path)
+    name = f"'{key}' " if key else ""
+    hint = hint or _KEY_EXAMPLES.get(key, "")
+    bound = re.search(r"(greater|less) than (or equal to )?([-+.\de]+)$", wording)
+    if bound and not hint:
+        side = "above" if bound[1] == "greater" else "below"
+        hint = f"write a number {f'of {bound[3]}, or one ' if bound[2] else ''}{side} {bound[3]}"
     code = _MISTAKE_CODES.get(kind, kind.replace("_", "-"))
     document.add_mistake(code if code in MISTAKES else "bad-value", path, f"{name}{wording}", hint)
-
-
-def _bound_example(wording: str) -> str:
-    if bound := re.search(r"(greater|less) than (or equal to )?([-+.\de]+)$", wording):
-        side = "above" if bound[1] == "greater" else "below"
-        return f"write a number {f'of {bound[3]}, or one ' if bound[2] else ''}{side} {bound[3]}"
-    return ""
 
 
 def _model_at(loc: tuple[str | int, ...], model: type[BaseModel]) -> type[BaseModel]:
@@ -233,18 +231,16 @@ def read_draft(document: Document) -> Draft:
         return Draft(document, Sweep.model_validate(document.data), {})
     except ValidationError as error:
         add_validation_errors(document, error)
-        return _without_errors(document, error)
-
-
-def _without_errors(document: Document, error: ValidationError) -> Draft:
+        remaining = error
+    # Leave out the wrong entries of keys and lists or, if others depend on these, the whole keys.
     data, kept = document.mapping_at(), dict[str, list[int]]()
     for depth in (2, 1):
-        data, lists = _prune_errors(data, error, depth)
+        data, lists = _prune_errors(data, remaining, depth)
         kept |= lists
         try:
             return Draft(document, Sweep.model_validate({"version": 1, "scene": "?", **data}), kept)
-        except ValidationError as remaining:
-            error = remaining
+        except ValidationError as error:
+            remaining = error
     return Draft(document, Sweep(version=1, scene="?"), {})
 
 

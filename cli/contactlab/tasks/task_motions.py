@@ -16,7 +16,6 @@ from contactlab.engines.mujoco_batch import driven_inputs, start_batch
 from contactlab.engines.older_mujoco import SimulationError
 from contactlab.errors import EngineError, SceneError
 from contactlab.modifications.model_predicates import read_gravity
-from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.scene import Scene
 from contactlab.schema.task import Phase, Task
 from contactlab.tasks.session import Values
@@ -83,7 +82,12 @@ def task_motions(
     model = change(prepared.models[0])
     prepared = replace(prepared, prepared=[replace(run, model=model) for run in prepared.prepared])
     if policy := allowed_policy(scene.drive, allowed=allow_code):
-        prepared = _acted(replace(prepared, policy=load_policy(policy)))
+        # The actions of the policy become recorded controls.
+        prepared = replace(prepared, policy=load_policy(policy))
+        rollout = engine_of(prepared.resolved[0]).roll_out(prepared, Buffers())
+        if failed := next((error for error in rollout.errors if error), None):
+            raise SceneError(f"the controller ended the run: {failed}")
+        prepared = prepared.with_recorded_controls(rollout.controls)
     spans = [span for phase in task.phases if (span := _span(phase, model, prepared.steps))]
     pieces = [list(_pieces(prepared, run, spans)) for run in range(len(runs))]
     motions = list[Motion]()
@@ -98,14 +102,6 @@ def task_motions(
         return motions
     usual = usual_changes(motions)
     return [replace(motion, usual=usual) for motion in motions]
-
-
-def _acted(prepared: PreparedRuns) -> PreparedRuns:
-    """Return runs driven by the actions of their policies."""
-    rollout = engine_of(prepared.resolved[0]).roll_out(prepared, Buffers())
-    if failed := next((error for error in rollout.errors if error), None):
-        raise SceneError(f"the controller ended the run: {failed}")
-    return prepared.with_recorded_controls(rollout.controls)
 
 
 def _span(phase: Phase, model: mujoco.MjModel, steps: int) -> tuple[int, int] | None:
@@ -130,13 +126,6 @@ def _pieces(prepared: PreparedRuns, run: int, spans: Sequence[tuple[int, int]]) 
         if batch.warning.any():
             return
         done = begin
-        yield _piece(model, start, (begin, end), batch.state.copy())
-
-
-def _piece(
-    model: mujoco.MjModel, start: InitialStates, span: tuple[int, int], state: Floats
-) -> _Piece:
-    begin, end = span
-    given = driven_inputs(model, start, 0, end - begin, begin)
-    inputs = given.get("control", np.empty((1, end - begin, 0)))
-    return _Piece(state, inputs, int(given.get("control_spec", _CONTROL)))
+        given = driven_inputs(model, start, 0, end - begin, begin)
+        inputs = given.get("control", np.empty((1, end - begin, 0)))
+        yield _Piece(batch.state.copy(), inputs, int(given.get("control_spec", _CONTROL)))

@@ -5,7 +5,7 @@ phase alone, under the task's tolerance. A label belongs to the phase in which i
 """
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 
 import mujoco
@@ -20,9 +20,9 @@ from contactlab.plan.task_options import TaskOptions
 from contactlab.rendering.amounts import format_percent
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
-from contactlab.schema.evidence import EvidenceRecord, LabelEntry
+from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.examination import RunLabel
-from contactlab.schema.task import Phase, Task
+from contactlab.schema.task import Task
 from contactlab.schema.task_verdict import PhaseVerdict, TaskVerdict
 from contactlab.store.finished_store import Store
 from contactlab.tasks.session import Session, Values
@@ -70,7 +70,9 @@ def verdict_of(
 
     Modeling choices do not count: their rows are left out.
     """
-    labelled = _labels(task, run_labels(task, records, budget))
+    labelled = {phase.name: Counter[str]() for phase in task.phases}
+    for label in run_labels(task, records, budget):
+        labelled[label.phase][label.label] = label.runs
     phases = {phase.name: phase for phase in budget.phases} if budget else {}
     word = sentence = None
     if budget is not None:
@@ -130,10 +132,12 @@ def run_labels(
     for record in records:
         step = record.duration / max(record.steps_asked, 1)
         for entry in record.labels:
-            if entry.label in judged or not _is_observed(task, entry):
+            unobserved = task.observed and entry.bodies and not {*task.observed} & {*entry.bodies}
+            if entry.label in judged or unobserved:
                 continue
             time = None if entry.step is None else entry.step * step
-            phase = _phase_at(task.phases, time or 0.0)
+            begun = [each for each in task.phases if each.begin <= (time or 0.0)]
+            phase = [task.phases[0], *begun][-1].name
             first = RunLabel(
                 label=entry.label,
                 phase=phase,
@@ -146,19 +150,3 @@ def run_labels(
             kept = found.get((entry.label, phase), first)
             found[entry.label, phase] = kept.model_copy(update={"runs": kept.runs + 1})
     return tuple(found.values())
-
-
-def _is_observed(task: Task, entry: LabelEntry) -> bool:
-    return not (task.observed and entry.bodies) or not {*task.observed}.isdisjoint(entry.bodies)
-
-
-def _labels(task: Task, labels: Iterable[RunLabel]) -> dict[str, Counter[str]]:
-    """Count the runs that have each label, by the phase in which it begins."""
-    counted = {phase.name: Counter[str]() for phase in task.phases}
-    for label in labels:
-        counted[label.phase][label.label] = label.runs
-    return counted
-
-
-def _phase_at(phases: Sequence[Phase], time: float) -> str:
-    return [phase.name for phase in phases if phase.begin <= time or phase is phases[0]][-1]
