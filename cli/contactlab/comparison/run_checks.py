@@ -252,7 +252,28 @@ def recommendation_check(paired: PairedStores) -> Finding:
     level = paired.policy.recommendation.changed
     subject = Subject("same recommendation", "recommendation", level, two_sided=True)
     before, after = _analyze_store(paired.baseline), _analyze_store(paired.candidate)
-    return subject.single(*_compare_recommendations(before, after))
+    now = after.recommendation if after else None
+    if before is None or after is None or before.recommendation is None:
+        if now is None:
+            return subject.single(SAME, "neither store recommends a configuration")
+        return subject.single(BETTER, f"now recommends {format_settings(now.configuration)}")
+    configuration = before.recommendation.configuration
+    old = format_settings(configuration) or "the only configuration"
+    if now is None:
+        return subject.single(WORSE, f"{old} is not feasible any more, and nothing else is")
+
+    new = format_settings(now.configuration)
+    same = (each for each in after.configurations if each.configuration == configuration)
+    found = next(same, None)
+    if found is None or not found.feasible or found.time is None:
+        return subject.single(WORSE, f"{old} is not feasible any more; now recommends {new}")
+    saved = 1 - now.time / found.time
+    # Stored times of two sessions on one machine differ by up to this fraction for no reason.
+    time_noise = 0.15
+    if saved > time_noise:
+        told = f"{new} takes {format_percent(saved)} less time than {old}"
+        return subject.single(CHANGED, told)
+    return subject.single(SAME, old)
 
 
 def _analyze_store(store: Store) -> TradeoffReport | None:
@@ -261,34 +282,3 @@ def _analyze_store(store: Store) -> TradeoffReport | None:
     except (ContactlabError, ValidationError):
         # No error was measured, or the sweep is of another version of contactlab.
         return None
-
-
-def _compare_recommendations(
-    before: TradeoffReport | None, after: TradeoffReport | None
-) -> tuple[int, str]:
-    now = after.recommendation if after else None
-    if before is None or after is None or before.recommendation is None:
-        if now is None:
-            return SAME, "neither store recommends a configuration"
-        return BETTER, f"now recommends {format_settings(now.configuration)}"
-    configuration = before.recommendation.configuration
-    old = format_settings(configuration) or "the only configuration"
-    if now is None:
-        return WORSE, f"{old} is not feasible any more, and nothing else is"
-    new = format_settings(now.configuration)
-    found = next(
-        (
-            candidate
-            for candidate in after.configurations
-            if candidate.configuration == configuration
-        ),
-        None,
-    )
-    if found is None or not found.feasible or found.time is None:
-        return WORSE, f"{old} is not feasible any more; now recommends {new}"
-    saved = 1 - now.time / found.time
-    # Stored times of two sessions on one machine differ by up to this fraction for no reason.
-    time_noise = 0.15
-    if saved > time_noise:
-        return CHANGED, f"{new} takes {format_percent(saved)} less time than {old}"
-    return SAME, old

@@ -62,10 +62,16 @@ class EnergyLedger:
         self.work[run] = _step_work(model, velocity, forces)
         places = starts.signals[run].places
         pushed = starts.applied[run].any() or (places >= model.nu).any()
-        if pushed or model.nflex or model.nplugin or _couples_branches(model):
+        # Some integrators omit velocity feedback between branches.
+        feeds = model.actuator_biasprm[:, 2] != 0
+        couples = bool((feeds & ~np.isin(model.actuator_trntype, AT_JOINT)).any())
+        omits = couples and model.opt.integrator in {_IMPLICIT_FAST, _DISCRETE}
+        if pushed or model.nflex or model.nplugin or omits:
             self.work[run, :, OTHERS] = np.nan
+        # Contacts may do work of mocap bodies, moving surfaces or adhesion.
         moved = (places >= model.nu + 6 * model.nbody).any()
-        if moved or _contacts_do_work(model):
+        adheres = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_BODY).any()
+        if moved or adheres or has_moving_surfaces(model):
             self.given[run] = np.nan
             return
         acts = forces["qfrc_constraint"].any(axis=1)
@@ -121,20 +127,6 @@ def _recorded_fields(models: Sequence[mujoco.MjModel]) -> list[str]:
     if any(map(has_other_forces, models)):
         fields += _OTHER_FORCE_FIELDS
     return fields
-
-
-def _contacts_do_work(model: mujoco.MjModel) -> bool:
-    """Return whether contacts may do work of moving surfaces or adhesion."""
-    adheres = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_BODY).any()
-    return has_moving_surfaces(model) or bool(adheres)
-
-
-def _couples_branches(model: mujoco.MjModel) -> bool:
-    """Return whether velocity feedback between branches is omitted, as by implicitfast."""
-    if model.opt.integrator not in {_IMPLICIT_FAST, _DISCRETE}:
-        return False
-    feeds = model.actuator_biasprm[:, 2] != 0
-    return bool((feeds & ~np.isin(model.actuator_trntype, AT_JOINT)).any())
 
 
 def _step_work(model: mujoco.MjModel, velocity: Floats, forces: dict[str, Floats]) -> Floats:

@@ -197,7 +197,10 @@ class _PageContent:
             }
         why = run.why or self._unreadable_reason(run)
         if run.variant is None or run.variant.model.nplugin or self._unreadable_reason(run):
-            return entry | {"why": visible(why), "film": _film_source(store, record.run_id)}
+            film = None
+            with suppress(ContactlabError):
+                film = next((film.source for film in film_of(store, record.run_id)), None)
+            return entry | {"why": visible(why), "film": film}
         base = self.runs.models[run.variant.base].model
         return entry | {
             **self._variant_entry(run.variant, base),
@@ -285,9 +288,3 @@ def _switch_entry(switch: Switch, run: Variant) -> dict[str, Any] | None:
 def signals_of(signals: Signals) -> tuple[np.ndarray, ...]:
     """Return the arrays that determine signals."""
     return signals.places, signals.times, signals.levels
-
-
-def _film_source(store: Store, run: str) -> str | None:
-    with suppress(ContactlabError):
-        return next((film.source for film in film_of(store, run)), None)
-    return None

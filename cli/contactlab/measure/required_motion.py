@@ -87,23 +87,21 @@ def motion_margins(context: Context, hold: float) -> Floats:
     """
     least = np.full(context.trace.runs, np.inf)
     for path in _required_paths(context):
-        least[path.run] = np.minimum(least[path.run], _path_margin(context, path, hold))
+        limit, word = path.expected.limit, path.expected.word
+        if word == "passes":
+            _, offset = _plane_crossings(path.place)
+            # The nearest crossing counts, or the distance of a path without one from the plane.
+            height = np.abs(path.place[:, 2])
+            margin = float(1 - offset.min() / limit if len(offset) else -height.min() / limit)
+        else:
+            amount, _ = _path_departure(path)
+            margin = float(1 - amount.max() / limit)
+        if word == "held":
+            width = steps_that_count(context, path.run, hold)
+            apart = _steps_without_contact(context, path)[1]
+            margin = float(np.minimum(margin, 1 - longest_stretch(apart) / width))
+        least[path.run] = np.minimum(least[path.run], margin)
     return least
-
-
-def _path_margin(context: Context, path: _RequiredPath, hold: float) -> float:
-    limit = path.expected.limit
-    if path.expected.word == "passes":
-        _, offset = _plane_crossings(path.place)
-        height = np.abs(path.place[:, 2])
-        return float(1 - offset.min() / limit if len(offset) else -height.min() / limit)
-    amount, _ = _path_departure(path)
-    margin = float(1 - amount.max() / limit)
-    if path.expected.word == "held":
-        width = steps_that_count(context, path.run, hold)
-        apart = _steps_without_contact(context, path)[1]
-        return float(np.minimum(margin, 1 - longest_stretch(apart) / width))
-    return margin
 
 
 def _steps_without_contact(

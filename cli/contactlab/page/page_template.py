@@ -23,6 +23,14 @@ def open_templates(
     `finalize` changes values before they are written. Each page needs one, since compiled templates
     are kept, and a template that was compiled without one never calls it.
     """
+    # Jinja takes longer to compile the templates than to fill them.
+    try:
+        folder = open_user_cache()
+    except OSError:  # a machine without a home that can be written to
+        folder = None
+    cache = None
+    if folder is not None and os.access(folder, os.W_OK):
+        cache = FileSystemBytecodeCache(str(folder), f"page-{jinja2.__version__}-%s.bin")
     return Environment(
         loader=FileSystemLoader([*folders, Path(__file__).parent / "templates"]),
         autoescape=True,
@@ -30,21 +38,10 @@ def open_templates(
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        bytecode_cache=_open_cache(),
+        bytecode_cache=cache,
     )
 
 
 def fill_template(name: str, *folders: Path, **values: Any) -> str:  # noqa: ANN401 - of any type
     """Return a page from its template; values are `title`, `style` and those it names."""
     return open_templates(*folders).get_template(name).render(values)
-
-
-def _open_cache() -> FileSystemBytecodeCache | None:
-    # Jinja takes longer to compile the templates than to fill them.
-    try:
-        folder = open_user_cache()
-    except OSError:  # a machine without a home that can be written to
-        return None
-    if folder is None or not os.access(folder, os.W_OK):
-        return None
-    return FileSystemBytecodeCache(str(folder), f"page-{jinja2.__version__}-%s.bin")

@@ -259,47 +259,42 @@ def page_view(store: Store, request: PageRequest) -> PageView:
         begin_step("reading traces")
         script = script_data(data, request, chart)
         begin_step("drawing")
-        return _view_data(data, request, chart, script)
-
-
-def _view_data(
-    data: ReportData, request: PageRequest, chart: Spec | None, script: ScriptData
-) -> PageView:
-    store = data.store
-    reality = reality_view(data)
-    return PageView(
-        store=str(store.address),
-        manifest=store.manifest,
-        style=read_style("page") + colours_on_dark(data.labels.colours),
-        head=head_view(data, request, reality, script.notes),
-        outcomes=list(outcome_views(data)),
-        # Seeds of one model make neither a map nor a trade-off.
-        map=None if request.examination else map_view(data),
-        tradeoff=None if request.examination else tradeoff_view(data, chart),
-        reality=reality,
-        runs=listed_runs(data),
-        figures={
-            name: static_svg(spec, name) for name, spec in physical_figures(data).items() if spec
-        },
-        effects=effects_view(data),
-        sensitivities=[*sensitivity_views(data.store)],
-        budgets=[*budget_views(data.store)],
-        expectations=expectations_view(store),
-        engines=engines_view(data, request),
-        comparison=comparison_view(data, request),
-        examination=examination_view(store, request.examination, request.grip),
-        script=ScriptView(
-            script,
-            "\n".join(
-                Path(__file__)
-                .with_name("script")
-                .joinpath(f"{name}.js")
-                .read_text(encoding="utf-8")
-                for name in _SCRIPTS
+        reality = reality_view(data)
+        return PageView(
+            store=str(store.address),
+            manifest=store.manifest,
+            style=read_style("page") + colours_on_dark(data.labels.colours),
+            head=head_view(data, request, reality, script.notes),
+            outcomes=list(outcome_views(data)),
+            # Seeds of one model make neither a map nor a trade-off.
+            map=None if request.examination else map_view(data),
+            tradeoff=None if request.examination else tradeoff_view(data, chart),
+            reality=reality,
+            runs=listed_runs(data),
+            figures={
+                name: static_svg(spec, name)
+                for name, spec in physical_figures(data).items()
+                if spec
+            },
+            effects=effects_view(data),
+            sensitivities=[*sensitivity_views(data.store)],
+            budgets=[*budget_views(data.store)],
+            expectations=expectations_view(store),
+            engines=engines_view(data, request),
+            comparison=comparison_view(data, request),
+            examination=examination_view(store, request.examination, request.grip),
+            script=ScriptView(
+                script,
+                "\n".join(
+                    Path(__file__)
+                    .with_name("script")
+                    .joinpath(f"{name}.js")
+                    .read_text(encoding="utf-8")
+                    for name in _SCRIPTS
+                ),
+                packed_text(vega_bundle()),
             ),
-            packed_text(vega_bundle()),
-        ),
-    )
+        )
 
 
 def head_view(

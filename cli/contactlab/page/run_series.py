@@ -64,9 +64,13 @@ def _list_signals(
 
     Both forces of a pair are kept at the same times, so that one can be drawn over the other.
     """
-    for entry in _most_active(
-        qpos_entries(trace.model_xml, trace.qpos.shape[1], joints), trace.qpos
-    ):
+    with np.errstate(invalid="ignore"):
+        spread = np.nan_to_num(np.nanmax(trace.qpos, axis=0) - np.nanmin(trace.qpos, axis=0))
+    entries = qpos_entries(trace.model_xml, trace.qpos.shape[1], joints)
+    # Heights come first, then the coordinates that move most.
+    ranked = sorted(entries, key=lambda entry: (not entry.is_height, -spread[entry.index]))
+    most_coordinates = 6
+    for entry in ranked[:most_coordinates]:
         values = trace.qpos[:, entry.index]
         yield entry.name, entry.unit, "motion", values, thin_indices(values)
     for pair in trace.pairs:
@@ -101,15 +105,6 @@ def thin_indices(values: Floats, points: int = _POINTS) -> NDArray[np.intp]:
     ends = np.array([0, len(values) - 1], dtype=np.intp)
     indices = np.unique(np.concatenate([ends, begins + least, begins + most]))
     return indices[np.isfinite(values[indices])]
-
-
-def _most_active(entries: tuple[QposEntry, ...], qpos: Floats) -> list[QposEntry]:
-    """Return the first six entries: heights, then those that move most."""
-    with np.errstate(invalid="ignore"):
-        spread = np.nan_to_num(np.nanmax(qpos, axis=0) - np.nanmin(qpos, axis=0))
-    ranked = sorted(entries, key=lambda entry: (not entry.is_height, -spread[entry.index]))
-    most_coordinates = 6
-    return ranked[:most_coordinates]
 
 
 def qpos_entries(

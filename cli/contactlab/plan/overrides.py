@@ -92,7 +92,14 @@ def drive_option(text: str | None) -> Drive | None:
 def apply_settings(document: Document, settings: Sequence[str]) -> None:
     """Apply every `--set` to the document, with the places of its parts in the argument."""
     for option in filter(None, (_parse_option(document, "--set", text) for text in settings)):
-        path = _setting_path(option)
+        head, _, rest = option.name.partition(".")
+        # An effect has the name of an entry, which is a mapping.
+        effect = option.name == "limit" and not option.value.startswith("{")
+        path: KeyPath = ("axes", option.name)
+        if head in _ENTRIES and rest:
+            path = (head, rest)
+        elif option.name in Sweep.model_fields and not effect:
+            path = (option.name,)
         if path[0] == "axes" and any(option.name in block for _, block in zip_blocks(document)):
             message = f"'{option.name}' is an axis of a zip block"
             document.add_mistake("set-zipped", option.key, message, "change the block in the file")
@@ -188,16 +195,6 @@ def _parse_option(document: Document, flag: str, text: str) -> ParsedOption | No
         return ParsedOption(name, quoted, place, place)
     place = Place(source, 1, start + len(name) + 1, len(value))
     return ParsedOption(name, quoted, Place(source, 1, start, len(name)), place)
-
-
-def _setting_path(option: ParsedOption) -> KeyPath:
-    name = option.name
-    head, _, rest = name.partition(".")
-    if head in _ENTRIES and rest:
-        return (head, rest)
-    # An effect has the name of an entry, which is a mapping.
-    effect = name == "limit" and not option.value.startswith("{")
-    return (name,) if name in Sweep.model_fields and not effect else ("axes", name)
 
 
 def _listed_values(document: Document, option: ParsedOption, path: KeyPath) -> list[object]:

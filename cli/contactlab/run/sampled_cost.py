@@ -50,9 +50,9 @@ def sample_cost(request: SweepRequest, index: RunIndex, runs: Sequence[RunSpec])
         # Runs are chosen evenly, since costs differ between settings, and shortened if needed.
         sample_cpu_seconds = 2.0  # about as long as a person waits for a plan
         most_steps = sample_cpu_seconds * steps / max(seconds, 1e-9)
-        share = min(1.0, most_steps / sum(run.steps for run in runs))
+        part = min(1.0, most_steps / sum(run.steps for run in runs))
         fewest_runs = 4  # settings differ between runs, so fewer tell nothing of the others
-        count = min(len(runs), max(fewest_runs, round(share * len(runs))))
+        count = min(len(runs), max(fewest_runs, round(part * len(runs))))
         places = np.linspace(0, len(runs) - 1, count).round().astype(int)
         chosen = _shorten_runs(
             [runs[place] for place in places], max(warm_up_steps, int(most_steps / count))
@@ -67,7 +67,11 @@ def sample_cost(request: SweepRequest, index: RunIndex, runs: Sequence[RunSpec])
             form_runs = 3  # runs that are encoded in each form of traces
             few = chosen[:: max(1, len(chosen) // form_runs)]
             for form in ("messages", "compact"):
-                forms[form] = _trace_bytes_per_step(request, index, Path(folder) / form, few, form)
+                store = Path(folder) / form
+                changes = {"trace": "all", "trace_format": form}
+                _record_jobs(_open_unchecked(request, index, store, changes), request, few)
+                size = sum(file.stat().st_size for file in (store / TRACES).rglob("*.mcap"))
+                forms[form] = size / sum(run.steps for run in few)
     return SampledCost(seconds / steps, forms, share)
 
 
@@ -88,16 +92,6 @@ def _record_jobs(
         worker.run(job)
         costs.append((time.process_time() - begin, sum(run.steps for run in job)))
     return costs
-
-
-def _trace_bytes_per_step(
-    request: SweepRequest, index: RunIndex, store: Path, runs: Sequence[RunSpec], form: str
-) -> float:
-    worker = _open_unchecked(request, index, store, {"trace": "all", "trace_format": form})
-    for job in pack_jobs(runs, len(runs), request.scene, 1):
-        worker.run(job)
-    size = sum(file.stat().st_size for file in (store / TRACES).rglob("*.mcap"))
-    return size / sum(run.steps for run in runs)
 
 
 def _open_unchecked(

@@ -167,18 +167,15 @@ def end_halted(workers: Iterable[WorkerHandle]) -> None:
     Suspending the whole command, as by Ctrl-Z, also suspends the process that checks.
     """
     for worker in [candidate for candidate in workers if candidate.halted < _MAX_HALTED_CHECKS]:
-        worker.halted = worker.halted + 1 if _is_halted(worker.process.pid) else 0
+        status = ""
+        with contextlib.suppress(OSError):
+            place = Path(f"/proc/{worker.process.pid}/stat")
+            status = place.read_text(encoding="utf-8", errors="replace")
+        # The name of the process, in brackets, may contain any characters; T is a halted one.
+        is_halted = status.rpartition(")")[2].split()[:1] == ["T"]
+        worker.halted = worker.halted + 1 if is_halted else 0
         if worker.halted == _MAX_HALTED_CHECKS:
             worker.process.kill()
-
-
-def _is_halted(process: int | None) -> bool:
-    """Return whether a process is stopped by a signal, if the system tells."""
-    try:
-        status = Path(f"/proc/{process}/stat").read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return False
-    return status.rpartition(")")[2].split()[:1] == ["T"]
 
 
 def receive_result(worker: WorkerHandle) -> Result:

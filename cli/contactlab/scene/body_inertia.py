@@ -74,7 +74,11 @@ def shape_faults(model: mujoco.MjModel, body: int) -> Iterator[InertiaFault]:
     length = 0.0
     if solid_geoms(model, body):
         axes = rotation_matrices(model.body_iquat[[body]])[0]
-        spans = _find_extents(model, body, axes)
+        # The extents of the body's geoms along the axes [m]: (3, 2).
+        own = np.isin(model.geom_type, list(_SOLIDS)) & (model.geom_bodyid == body)
+        geoms: list[int] = np.flatnonzero(own).tolist()
+        each = np.array([[_shape_span(model, geom, axis) for axis in axes.T] for geom in geoms])
+        spans = np.stack([each[..., 0].min(axis=0), each[..., 1].max(axis=0)], axis=1)
         lengths = np.ptp(spans, axis=1)
         length = float(lengths.max())
 
@@ -246,14 +250,6 @@ def volume(model: mujoco.MjModel, geom: int) -> float:
     """Return the volume of a geom [m^3]; for a mesh, that of its convex hull."""
     shape = _SHAPES.get(int(model.geom_type[geom]))
     return shape[0](*model.geom_size[geom]) if shape else hull_volume(model, _mesh_of(model, geom))
-
-
-def _find_extents(model: mujoco.MjModel, body: int, axes: Floats) -> Floats:
-    """Return (3, 2) the extents of a body's geoms along axes, columns (3, 3) of its frame [m]."""
-    own = np.isin(model.geom_type, list(_SOLIDS)) & (model.geom_bodyid == body)
-    geoms: list[int] = np.flatnonzero(own).tolist()
-    spans = np.array([[_shape_span(model, geom, axis) for axis in axes.T] for geom in geoms])
-    return np.stack([spans[..., 0].min(axis=0), spans[..., 1].max(axis=0)], axis=1)
 
 
 def _shape_span(model: mujoco.MjModel, geom: int, direction: Floats) -> tuple[float, float]:

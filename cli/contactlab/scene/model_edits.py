@@ -56,8 +56,16 @@ def field_axis(model: mujoco.MjModel, name: str) -> AxisSpec | None:
         return None
     array, index = found
     width = int(np.size(array[index]))
-    condim = re.match(r"(geom_condim|pair_dim)\b", name)
-    one = PARAMETERS["condim"].parse if condim else _element_parser(array.dtype)
+    one: Callable[[object], object]
+    if re.match(r"(geom_condim|pair_dim)\b", name):
+        one = PARAMETERS["condim"].parse
+    elif array.dtype.kind == "b":
+        one = integer_parser(0, 1)
+    elif array.dtype.kind in "iu":
+        bounds = np.iinfo(array.dtype)
+        one = integer_parser(int(bounds.min), int(bounds.max))
+    else:
+        one = number_parser()
 
     def parse(value: object) -> object:
         parts = value.split() if isinstance(value, str) else value
@@ -105,15 +113,6 @@ def find_field(model: mujoco.MjModel, name: str) -> tuple[np.ndarray, tuple[int,
 def is_writable(field: str) -> bool:
     """Return whether a model's field can be written: it is neither structure nor derived."""
     return field.partition("_")[0] in FIELD_KINDS and not _READ_ONLY_FIELDS.search(field)
-
-
-def _element_parser(kind: np.dtype) -> Callable[[object], float]:
-    if kind.kind == "b":
-        return integer_parser(0, 1)
-    if kind.kind in "iu":
-        bounds = np.iinfo(kind)
-        return integer_parser(int(bounds.min), int(bounds.max))
-    return number_parser()
 
 
 @dataclass(frozen=True)

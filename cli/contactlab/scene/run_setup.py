@@ -338,6 +338,13 @@ def find_mechanism(model: mujoco.MjModel) -> Mechanism:
     springs = np.asarray(model.tendon_stiffness) != 0
     springs |= np.any(getattr(model, "tendon_stiffnesspoly", springs[:, None]), axis=1)
     places = _infinite_if_unlimited(model.jnt_limited, model.jnt_range)
+    # Limits of forces (nu, 2), with those of the driven joints.
+    forces = _infinite_if_unlimited(model.actuator_forcelimited, model.actuator_forcerange)
+    for index in np.flatnonzero(np.isin(model.actuator_trntype, AT_JOINT)):
+        joint, gear = model.actuator_trnid[index, 0], model.actuator_gear[index, 0]
+        if model.jnt_actfrclimited[joint] and gear:
+            low, high = np.sort(model.jnt_actfrcrange[joint] / gear)
+            forces[index] = max(forces[index, 0], low), min(forces[index, 1], high)
     reach, ends = (
         _body_reaches(model),
         np.where(is_mocap_driven(model), np.inf, equality_reach(model)),
@@ -368,7 +375,7 @@ def find_mechanism(model: mujoco.MjModel) -> Mechanism:
             for index in range(model.nu)
         ),
         slack=np.where(springs[:, None], np.reshape(model.tendon_lengthspring, (-1, 2)), np.nan),
-        forces=_force_limits(model),
+        forces=forces,
         equalities=tuple(
             _describe_equality(model, index, places, reach, float(ends[index]))
             for index in range(model.neq)
@@ -407,7 +414,16 @@ def _describe_equality(
     kind, first = int(model.eq_type[index]), int(model.eq_obj1id[index])
     name, bodies = name_of(model, "equality", index), bodies_of_equality(model, index)
     if kind == _EQUALITY_TYPES.mjEQ_TENDON:
-        return Equality(name, "m", _tendon_scale(model, first, reach), bodies=bodies)
+        # The length of a spatial tendon, or the largest change of a fixed one by one joint: by a
+        # quarter turn of a hinge, or a slide along the reach of its body.
+        length = float(model.tendon_length0[first])
+        wraps = slice(model.tendon_adr[first], model.tendon_adr[first] + model.tendon_num[first])
+        if model.wrap_type[wraps.start] == int(mujoco.mjtWrap.mjWRAP_JOINT):
+            joints = model.wrap_objid[wraps]
+            slides = model.jnt_type[joints] == int(_JOINT_TYPES.mjJNT_SLIDE)
+            ways = np.where(slides, reach[model.jnt_bodyid[joints]], QUARTER_TURN)
+            length = float(np.abs(model.wrap_prm[wraps] * ways).max())
+        return Equality(name, "m", length, bodies=bodies)
     if kind == _EQUALITY_TYPES.mjEQ_FLEX:
         edges = slice(model.flex_edgeadr[first], None)
         lengths = model.flexedge_length0[edges][: model.flex_edgenum[first]]
@@ -448,28 +464,3 @@ def _describe_joint(model: mujoco.MjModel, index: int, places: Floats, reach: Fl
 
 def _movable_bodies(model: mujoco.MjModel, pair: MonitoredPair) -> tuple[str, ...]:
     return moving_bodies(model, model.geom_bodyid[[*pair.geoms[0], *pair.geoms[1]]])
-
-
-def _force_limits(model: mujoco.MjModel) -> Floats:
-    # (nu, 2), with the limits of the driven joints.
-    limits = _infinite_if_unlimited(model.actuator_forcelimited, model.actuator_forcerange)
-    for index in np.flatnonzero(np.isin(model.actuator_trntype, AT_JOINT)):
-        joint, gear = model.actuator_trnid[index, 0], model.actuator_gear[index, 0]
-        if model.jnt_actfrclimited[joint] and gear:
-            low, high = np.sort(model.jnt_actfrcrange[joint] / gear)
-            limits[index] = max(limits[index, 0], low), min(limits[index, 1], high)
-    return limits
-
-
-def _tendon_scale(model: mujoco.MjModel, tendon: int, reach: Floats) -> float:
-    """Return a spatial tendon's length [m], or a fixed tendon's largest length change by one joint.
-
-    A hinge counts with a quarter turn, and a slide with the reach of its body.
-    """
-    wraps = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
-    if model.wrap_type[wraps.start] != int(mujoco.mjtWrap.mjWRAP_JOINT):
-        return float(model.tendon_length0[tendon])
-    joints = model.wrap_objid[wraps]
-    slides = model.jnt_type[joints] == int(_JOINT_TYPES.mjJNT_SLIDE)
-    ways = np.where(slides, reach[model.jnt_bodyid[joints]], QUARTER_TURN)
-    return float(np.abs(model.wrap_prm[wraps] * ways).max())

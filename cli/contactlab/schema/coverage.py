@@ -167,11 +167,6 @@ def _unite_values(one: Any, other: Any) -> Any:  # noqa: ANN401 - JSON
     return other if one is None else one if other is None else max(one, other)
 
 
-def _pairs_by_name(pairs: Any) -> dict[str, object]:  # noqa: ANN401 - JSON
-    """Return the pairs of a row by name, which a table has as JSON."""
-    return json.loads(pairs) if isinstance(pairs, str) else dict(pairs or {})
-
-
 def feature_of(setting: str) -> Feature | None:
     """Return the feature that runs must exercise to show the effect of a setting, if known."""
     return next(
@@ -209,7 +204,8 @@ class Exercised:
             if enough is not None and features.issuperset(enough):
                 break
             drives.append(json.loads(row.get("drive") or '"none"'))
-            pairs |= _pairs_by_name(row.get("pairs"))
+            own = row.get("pairs")
+            pairs |= json.loads(own) if isinstance(own, str) else dict(own or {})
             if row.get("coverage") is None:
                 known = False
                 features.update(get_args(Feature))

@@ -147,29 +147,25 @@ def read_drive(text: str) -> Drive:
 
     Other text is a ValidationError.
     """
-    return parse_drive(_short_form_data(text))
+    if ".py:" in text and "=" not in text:
+        return parse_drive({"policy": text})
+    if "=" not in text:
+        return parse_drive({"file": text} if "." in text else text)
+    data: dict[str, Any] = {}
+    for part in text.split(","):
+        *above, name = part.partition("=")[0].strip().split(".")
+        below = data
+        for key in above:
+            below = below.setdefault(key, {})
+        below[name] = written = part.partition("=")[2].strip()
+        with suppress(ValueError):
+            below[name] = parse_decimal(written)
+    return parse_drive(data)
 
 
 def parse_drive(data: object) -> Drive:
     """Return the drive that JSON data states; other data is a ValidationError."""
     return _ADAPTER.validate_python(data)
-
-
-def _short_form_data(text: str) -> object:
-    if "=" in text:
-        data: dict[str, Any] = {}
-        for part in text.split(","):
-            *above, name = part.partition("=")[0].strip().split(".")
-            below = data
-            for key in above:
-                below = below.setdefault(key, {})
-            below[name] = written = part.partition("=")[2].strip()
-            with suppress(ValueError):
-                below[name] = parse_decimal(written)
-        return data
-    if ".py:" in text:
-        return {"policy": text}
-    return {"file": text} if "." in text else text
 
 
 def drive_data(drive: Drive) -> object:

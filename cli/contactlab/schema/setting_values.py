@@ -49,7 +49,9 @@ def number_parser(
         if not math.isfinite(value):
             raise ValueError(f"write a finite number, not {value!r}")
         if not (least <= value <= most and value > above):
-            raise ValueError(f"write a number {_range_text(least, above, most)}, not {value!r}")
+            limits = {"of at least": least, "above": above, "of at most": most}
+            bounds = [f"{side} {end:g}" for side, end in limits.items() if math.isfinite(end)]
+            raise ValueError(f"write a number {' and '.join(bounds)}, not {value!r}")
         if known and value not in known:
             near = min(known, key=lambda candidate: abs(candidate - value))
             raise ValueError(f"there is no {value:g}; the nearest is {near:g}")
@@ -117,13 +119,6 @@ def parse_switch(value: object) -> bool:
     if not isinstance(value, bool):
         raise ValueError(f"write true or false, not {value!r}")
     return value
-
-
-def _range_text(least: float, above: float, most: float) -> str:
-    parts = [f"of at least {least:g}"] if math.isfinite(least) else []
-    parts += [f"above {above:g}"] if math.isfinite(above) else []
-    parts += [f"of at most {most:g}"] if math.isfinite(most) else []
-    return " and ".join(parts)
 
 
 _KINDS = {

@@ -37,7 +37,18 @@ def write_rrd(
     memory = recording.memory_recording()
     recording.send_blueprint(_viewer_blueprint(motion))
     recording.log("record", rr.TextDocument(trace.record_json.decode()), static=True)
-    _send_bodies(recording, motion)
+    index = _time_column(motion.time)
+    for body, name in enumerate(motion.bodies):
+        if body:
+            poses = rr.Transform3D.columns(
+                translation=motion.positions[:, body],
+                quaternion=motion.rotations[:, body][:, _XYZW_ORDER],
+            )
+            recording.send_columns(_entity_path(_SPACE_ENTITY, _BODY_ENTITY, name), [index], poses)
+    for shape in motion.shapes:
+        place = _entity_path(_SPACE_ENTITY, _BODY_ENTITY, motion.bodies[shape.body], shape.name)
+        recording.log(place, _shape_archetype(shape), static=True)
+
     forces = motion.forces
     lengths = np.bincount(forces.frame, minlength=len(motion.time))
     colours = np.array([MODE_COLOURS[mode] for mode in forces.mode.tolist()]).reshape(-1, 4)
@@ -87,20 +98,6 @@ def _viewer_blueprint(motion: BodyMotion) -> rrb.Blueprint:
     )
     left = rrb.Vertical(space, below, row_shares=[3, 1])
     return rrb.Blueprint(rrb.Horizontal(left, rrb.Vertical(*plots), column_shares=[3, 2]))
-
-
-def _send_bodies(recording: rr.RecordingStream, motion: BodyMotion) -> None:
-    index = _time_column(motion.time)
-    for body, name in enumerate(motion.bodies):
-        if body:
-            poses = rr.Transform3D.columns(
-                translation=motion.positions[:, body],
-                quaternion=motion.rotations[:, body][:, _XYZW_ORDER],
-            )
-            recording.send_columns(_entity_path(_SPACE_ENTITY, _BODY_ENTITY, name), [index], poses)
-    for shape in motion.shapes:
-        path = _entity_path(_SPACE_ENTITY, _BODY_ENTITY, motion.bodies[shape.body], shape.name)
-        recording.log(path, _shape_archetype(shape), static=True)
 
 
 def _shape_archetype(shape: BodyShape) -> rr.AsComponents:

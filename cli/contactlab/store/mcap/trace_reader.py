@@ -222,7 +222,13 @@ def _stored_pair(name: str, messages: ChannelMessages, times: NDArray[Any]) -> S
         items = messages.pick_records(chosen, contacts_record(count))
         for array, (field, _) in _PAIR_ARRAYS.items():
             arrays[array][chosen] = items[field]
-        points[starts[chosen][:, None] + np.arange(count)] = _contact_slots(items)
+        slots = np.empty((*items["points"].shape, SLOT_WIDTH))
+        slots[..., FOUND] = items["found"][:, None]
+        # Damaged bytes may be a signaling NaN.
+        with np.errstate(invalid="ignore"):
+            for part, columns in POINT_FIELDS.items():
+                slots[..., columns] = items["points"][part]
+        points[starts[chosen][:, None] + np.arange(count)] = slots
     return StoredPair(
         name=name,
         steps=steps.astype(np.int32),
@@ -239,18 +245,6 @@ def _contact_steps(name: str, messages: ChannelMessages, times: NDArray[Any]) ->
     if not np.array_equal(times[np.minimum(steps, len(times) - 1)], log_times):
         raise ValueError(f"a contact of '{name}' has no state of its time")
     return steps
-
-
-def _contact_slots(items: NDArray[np.void]) -> Floats:
-    """(m, count, 23) contact slots of messages with `count` points each."""
-    points = items["points"]
-    slots = np.empty((*points.shape, SLOT_WIDTH))
-    slots[..., FOUND] = items["found"][:, None]
-    # Damaged bytes may be a signaling NaN.
-    with np.errstate(invalid="ignore"):
-        for name, columns in POINT_FIELDS.items():
-            slots[..., columns] = points[name]
-    return slots
 
 
 # Fields that a record gets after its trace is written, so that equal runs have equal traces.
@@ -296,7 +290,18 @@ def _different_content(
     assert record.trace is not None
     messages = {channel.topic: file.messages[channel.id] for channel in file.channels}
     [inside] = messages[EVIDENCE_TOPIC].iterate_contents()
-    yield from _different_fields(inside, record, but)
+    own, stored = _plain_content(record), from_json(inside)
+    if (
+        not isinstance(stored, dict)
+        or {name: value for name, value in stored.items() if name not in _LATER_FIELDS} != own
+    ):
+        # It may be written otherwise, as by an earlier version.
+        plain = _plain_content(EvidenceRecord.model_validate_json(inside))
+        for name, value in own.items():
+            # Errors have tolerances, too, which are judged after the trace is written.
+            is_later = name == "tolerances_met" and record.accuracy is not None
+            if plain[name] != value and name not in but and not is_later:
+                yield f"its record and the table differ in {name}"
     arrays, times = _state_arrays(messages[STATE_TOPIC], *_state_sizes(file))
     states = np.column_stack((arrays["time"], arrays["qpos"], arrays["qvel"]))
     # The hash includes the activations, which are not in the trace.
@@ -314,23 +319,6 @@ def _different_content(
     # As many messages by topic as the table names.
     if counts[STATE_TOPIC] != record.steps + 1 or Counter(counts) != Counter(record.trace.messages):
         yield f"its messages by topic do not match the table, or {record.steps} steps"
-
-
-def _different_fields(inside: bytes, record: EvidenceRecord, but: Collection[str]) -> Iterator[str]:
-    own = _plain_content(record)
-    stored = from_json(inside)
-    if (
-        isinstance(stored, dict)
-        and {name: value for name, value in stored.items() if name not in _LATER_FIELDS} == own
-    ):
-        return
-    # It may be written otherwise, as by an earlier version.
-    plain = _plain_content(EvidenceRecord.model_validate_json(inside))
-    for name, value in own.items():
-        # Errors have tolerances, too, which are judged after the trace is written.
-        is_later = name == "tolerances_met" and record.accuracy is not None
-        if plain[name] != value and name not in but and not is_later:
-            yield f"its record and the table differ in {name}"
 
 
 def _plain_content(record: EvidenceRecord) -> dict[str, Any]:
