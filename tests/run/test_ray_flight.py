@@ -23,8 +23,8 @@ from tests.run.bare_runs import bare_run
 from contactlab.errors import ClusterError, OutputError
 from contactlab.run.ray import executor as flight
 from contactlab.run.ray import node
-from contactlab.run.ray.executor import MAX_LOSSES, InFlight
-from contactlab.run.tasks import Crashed, Job, Stop
+from contactlab.run.ray.executor import InFlight
+from contactlab.run.tasks import MAX_LOSSES, Crashed, Job, Stop
 
 GONE = [NodeDiedError("gone"), RaySystemError("gone"), WorkerCrashedError()]
 

@@ -21,9 +21,9 @@ from submitit.core.utils import UncompletedJobError
 
 from contactlab.run.slurm import executor as arrays
 from contactlab.run.slurm.connection import slurm_arrays
-from contactlab.run.slurm.executor import MAX_LOSSES, Arrays, SlurmExecutor
+from contactlab.run.slurm.executor import Arrays, SlurmExecutor
 from contactlab.run.slurm.part import RESULT, Part, runs_of, stored_runs, unfinished_jobs
-from contactlab.run.tasks import Crashed, Finished, Job, Result, Stop
+from contactlab.run.tasks import MAX_LOSSES, Crashed, Finished, Job, Result, Stop
 
 SWEEP = """
 version: 1

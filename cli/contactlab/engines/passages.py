@@ -7,6 +7,7 @@ geom that turns far in a step is followed within it.
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -23,14 +24,22 @@ from contactlab.scene.model_edits import read_flag
 from contactlab.scene.model_names import name_of
 from contactlab.scene.part_bodies import moving_bodies
 
-_MIN_MOTION_SHARE = (
-    0.5  # smallest relevant motion in a step, as a share of the half thickness of two geoms
-)
-_MAX_PAIRS, _MAX_RAYS = 200, 500
 _PLANE_TYPE, _HFIELD_TYPE = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD)
 _MESH_TYPE, _SPHERE_TYPE = int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_SPHERE)
 _TRANSLATIONS = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_SLIDE): 1}
 _UP_AXIS, _ORIGIN, _AXES = np.array([0.0, 0.0, 1.0]), np.zeros(3), np.eye(3).ravel()
+
+
+@dataclass(frozen=True)
+class _SearchLimits:
+    """Limits that keep the search for passages short against the steps of a run."""
+
+    least_motion: float = 0.5  # in a step, as a share of the half thickness of two geoms
+    most_pairs: int = 200  # of fast geoms in a run
+    most_rays: int = 500  # of steps of a pair that are searched
+
+
+_LIMITS = _SearchLimits()
 
 
 class Passages:
@@ -59,7 +68,7 @@ class Passages:
         if (
             model.nflex
             or fastest @ self._motion_lengths * model.opt.timestep
-            > _MIN_MOTION_SHARE * self._thinnest
+            > _LIMITS.least_motion * self._thinnest
         ):
             acting = starts.input_rows(run, model.opt.timestep, np.arange(len(states) - 1))
             position, rotation, vertices = _body_poses(model, states[:-1, 1:positions], acting)
@@ -71,7 +80,7 @@ class Passages:
             # Pairs that can touch, and that a step may carry through each other.
             most = moved.max(axis=0, initial=0)
             first, second = self._pairs
-            fast = np.flatnonzero(most[first] + most[second] > self._least)[:_MAX_PAIRS]
+            fast = np.flatnonzero(most[first] + most[second] > self._least)[: _LIMITS.most_pairs]
             places = zip(first[fast].tolist(), second[fast].tolist(), strict=True)
             pairs = dict(zip(places, self._least[fast].tolist(), strict=True))
             found = [*self._fast_passages(model, pairs, position, rotation, turned)]
@@ -145,7 +154,7 @@ class _StepSearch:
             return []
         bound = float(model.geom_rbound[[*pair]].sum())
         near = np.linalg.norm(apart, axis=1) < bound + moved
-        for step in np.flatnonzero(near & (moved > least))[:_MAX_RAYS].tolist():
+        for step in np.flatnonzero(near & (moved > least))[: _LIMITS.most_rays].tolist():
             if self._overlaps_within(pair, step, float(moved[step]), least):
                 return [_make_passage(model, *pair, step)]
         return []
@@ -206,7 +215,7 @@ def _reach_of_steps(model: mujoco.MjModel) -> _ReachOfSteps:
     half = np.where(meets, half_extents(model), np.inf)
     thinnest = float(half.min(initial=np.inf)) if on else np.inf
     half[np.isin(model.geom_type, (_PLANE_TYPE, _HFIELD_TYPE))] = 0
-    least = _MIN_MOTION_SHARE * (half[first] + half[second])
+    least = _LIMITS.least_motion * (half[first] + half[second])
     reaches = body_reaches(model)
     return _ReachOfSteps(thinnest, _motion_lengths(model), reaches, (first, second), least)
 
@@ -264,7 +273,7 @@ def _passages_through_flexes(
             wall, steps = _PassableGeom(model, geom, float(model.flex_radius[flex])), list[int]()
             for place in places:
                 path = _in_geom_frame(model, position, rotation, geom, place)
-                steps += _first_passage(path, _MIN_MOTION_SHARE * thick, wall)
+                steps += _first_passage(path, _LIMITS.least_motion * thick, wall)
             if steps:
                 yield Passage(name, name_of(model, "geom", geom), min(steps))
             continue
@@ -356,7 +365,7 @@ def _first_passage(
         near = np.linalg.norm(begin, axis=1) < np.linalg.norm(end - begin, axis=1) + wall.bound
         if turned is not None:
             near &= turned[steps:] - turned[:-steps] < max_line_angle_rad
-        for step in np.flatnonzero(moving & near)[:_MAX_RAYS].tolist():
+        for step in np.flatnonzero(moving & near)[: _LIMITS.most_rays].tolist():
             if wall.has_passed(begin[step], end[step]):
                 return [step + steps - 1]
     return []

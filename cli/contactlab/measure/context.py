@@ -21,7 +21,6 @@ from contactlab.numerical_tolerance import COARSE_ROUNDING
 
 Cached = TypeVar("Cached")
 
-_SERIES_FIELDS = [entry.name for entry in fields(PairSeries)][1:]
 NEGLIGIBLE_SHARE = 0.01  # negligible rise or lever arm, as a share of a body's mean size
 
 
@@ -45,7 +44,8 @@ class StackedPairs:
     @cached_property
     def series(self) -> tuple[PairSeries, ...]:
         """The net quantities of each pair over time."""
-        stacked = [getattr(self.net.series, name) for name in _SERIES_FIELDS]
+        # All fields except the name.
+        stacked = [getattr(self.net.series, entry.name) for entry in fields(PairSeries)[1:]]
         named = zip(self.names, self.rows.tolist(), strict=True)
         return tuple(PairSeries(name, *(array[row] for array in stacked)) for name, row in named)
 

@@ -1,5 +1,7 @@
 """Closed forms of dry friction: sliding boxes, a ladder, a rod on one end, rolling balls."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats, squared_lengths
@@ -7,8 +9,16 @@ from contactlab.contact.trace_setup import FreeBody
 from contactlab.measure.context import Context, distance_from_rest, friction, gravity, semi_implicit
 from contactlab.measure.entries import oracle
 
-_ROD_HALF_LENGTH = 0.5
-_ROD_RADIUS = 0.01
+
+@dataclass(frozen=True)
+class _Rod:
+    """The rod of the scene that stands on one end [m]."""
+
+    half_length: float = 0.5
+    radius: float = 0.01
+
+
+_ROD = _Rod()
 
 
 @oracle("m", ("speed", "friction", "timestep", "integrator"), relative=True)
@@ -124,7 +134,7 @@ def rod_tip_travel(rod: Floats, mu: Floats, fall: Floats, duration: Floats) -> F
 def _slip_speed(rod: Floats) -> Floats:
     """Return (n,) speed of the rod's material at the contact [m/s]."""
     _, angle, speed, turning = rod
-    return speed + (_ROD_HALF_LENGTH * np.sin(angle) + _ROD_RADIUS) * turning
+    return speed + (_ROD.half_length * np.sin(angle) + _ROD.radius) * turning
 
 
 def tip_compliance(angle: Floats, drag: Floats) -> Floats:
@@ -134,21 +144,21 @@ def tip_compliance(angle: Floats, drag: Floats) -> Floats:
     pressing the end pulls it down, and no normal force can hold it: Painlevé's paradox. `drag` is
     the friction coefficient with the sign of the slip speed, `angle` [rad] is over the floor.
     """
-    across, up = np.cos(angle), np.sin(angle) + _ROD_RADIUS / _ROD_HALF_LENGTH
+    across, up = np.cos(angle), np.sin(angle) + _ROD.radius / _ROD.half_length
     return 1 + 3 * across * (across + drag * up)
 
 
 def _rod_rates(rod: Floats, drag: Floats, fall: Floats) -> Floats:
     _, angle, speed, turning = rod
     across, up = np.cos(angle), np.sin(angle)
-    sink = fall - _ROD_HALF_LENGTH * up * turning**2
+    sink = fall - _ROD.half_length * up * turning**2
     normal = np.maximum(sink, 0) / tip_compliance(angle, drag)
-    arm = across + drag * (up + _ROD_RADIUS / _ROD_HALF_LENGTH)
-    return np.stack([speed, turning, -drag * normal, -3 / _ROD_HALF_LENGTH * arm * normal])
+    arm = across + drag * (up + _ROD.radius / _ROD.half_length)
+    return np.stack([speed, turning, -drag * normal, -3 / _ROD.half_length * arm * normal])
 
 
 def _end_position(rod: Floats) -> Floats:
-    return rod[0] - _ROD_HALF_LENGTH * np.cos(rod[1])
+    return rod[0] - _ROD.half_length * np.cos(rod[1])
 
 
 @oracle("1", ("tilt", "weight", "direction", "friction", "integrator"), relative=True)

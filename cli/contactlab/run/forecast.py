@@ -14,7 +14,7 @@ import numpy as np
 from contactlab.accuracy.discretization import reference_steps
 from contactlab.accuracy.timing import timing_seconds
 from contactlab.advisories.met_advisories import describe_met_advisory
-from contactlab.contact.contact_laws import refsafe_solref, stiffness_damping
+from contactlab.contact.contact_laws import STABLE_STEP, refsafe_solref, stiffness_damping
 from contactlab.engines import engine_of
 from contactlab.engines.engine import PreparedRuns
 from contactlab.errors import SweepFileError
@@ -33,9 +33,6 @@ from contactlab.scene.scene import Scene
 from contactlab.scene.task import describe_excitation
 from contactlab.schema.drive import PolicyDrive, acts_too_often, describe_drive
 from contactlab.schema.store_reports import PlannedAxis, SweepForecast
-
-# Above this product of step and natural frequency, contacts gain energy under the Euler family.
-_MAX_STEP_RATE = 0.8
 
 
 @dataclass
@@ -176,9 +173,7 @@ def _sum_runs(index: RunIndex) -> _RunSums:
         sums.steps += count * steps
         if isinstance(solref, tuple):
             used = refsafe_solref(solref, run.timestep) if run.flags["refsafe"] else solref
-            sums.fast += count * (
-                round(run.timestep * _contact_frequency(used), 1) > _MAX_STEP_RATE
-            )
+            sums.fast += count * (round(run.timestep * _contact_frequency(used), 1) > STABLE_STEP)
             sums.clamped += count * (used != solref)
         if isinstance(run.drive, PolicyDrive):
             sums.late += count * acts_too_often(run.drive.rate, run.timestep)
@@ -205,7 +200,7 @@ def _forecast_warnings(plan: Plan, scene: Scene, runs: int, sums: _RunSums) -> I
     if sums.fast:
         yield (
             f"in {sums.fast:,} of {runs:,} runs the timestep is too long for the contacts: "
-            f"timestep / (timeconst * dampratio) is above {_MAX_STEP_RATE}, so contacts gain energy"
+            f"timestep / (timeconst * dampratio) is above {STABLE_STEP}, so contacts gain energy"
         )
     if sums.clamped:
         yield (

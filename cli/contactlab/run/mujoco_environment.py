@@ -20,7 +20,6 @@ from contactlab.errors import EngineError
 from contactlab.run.evidence_record import find_engine
 from contactlab.schema.advisory import numbers_of
 
-_PACKAGE = __name__.partition(".")[0]
 _VERSION = re.compile(r"\d+(\.\w+)+")
 _NAME = re.compile(r"[\w.-]+")
 PACKAGES = "CONTACTLAB_PACKAGES"
@@ -79,7 +78,7 @@ def find_interpreter(request: str, notify: Callable[[str], None]) -> Interpreter
 
 def exec_with(interpreter: Interpreter, arguments: Sequence[str]) -> NoReturn:
     """Become contactlab on another interpreter: exit code, signals and output are its own."""
-    command = [str(interpreter.python), "-m", _PACKAGE, *arguments]
+    command = [str(interpreter.python), "-m", "contactlab", *arguments]
     variables = {**_environment_variables(), PACKAGES: sysconfig.get_path("purelib")}
     os.execve(interpreter.python, command, variables)  # noqa: S606
 

@@ -15,6 +15,7 @@ from contactlab.contact.trace_arrays import (
     squared_lengths,
 )
 from contactlab.contact.trace_setup import pull_of
+from contactlab.measure.coverage import TURNING
 from contactlab.measure.entries import labels_with
 from contactlab.measure.stick_slip import ENTER_SLIP
 from contactlab.plan.grid import Plan
@@ -114,11 +115,6 @@ def unmet_means(plan: Plan | None, table: "RunColumns") -> Iterator[str]:
             yield from _outside_bounds(f"a mean {name}", mean, bounds)
 
 
-_MIN_ROTATION_SPEED = (
-    0.1  # smallest rotation that counts [rad/s]; slower is the rocking of soft contact
-)
-
-
 def missing_effects(
     trace: Trace, run: int, effects: Collection[str], model: mujoco.MjModel
 ) -> dict[str, str]:
@@ -175,6 +171,6 @@ def _first_opposed_motion(trace: Trace, run: int, name: str, pull: float) -> str
 # their components.
 _MOTIONS = {
     "tangential_friction": ("slides", "m/s", ENTER_SLIP, LINEAR_VELOCITY, slice(1, 3)),
-    "torsional_friction": ("spins", "rad/s", _MIN_ROTATION_SPEED, ANGULAR_VELOCITY, slice(0, 1)),
-    "rolling_friction": ("rolls", "rad/s", _MIN_ROTATION_SPEED, ANGULAR_VELOCITY, slice(1, 3)),
+    "torsional_friction": ("spins", "rad/s", TURNING, ANGULAR_VELOCITY, slice(0, 1)),
+    "rolling_friction": ("rolls", "rad/s", TURNING, ANGULAR_VELOCITY, slice(1, 3)),
 }

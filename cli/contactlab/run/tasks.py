@@ -72,6 +72,10 @@ class Task:
 Job = tuple[RunSpec, ...]
 
 
+MAX_LOSSES = 3
+"""Lost nodes or tasks until a job, the first of them, is considered the cause."""
+
+
 class Finished(NamedTuple):
     """The row of a finished run with a stored trace; its worst label; and its status.
 

@@ -150,10 +150,6 @@ def apply_inputs(model: mujoco.MjModel, data: mujoco.MjData, inputs: Floats) -> 
 _QUATERNION_OFFSETS = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
 
 
-# Number of coordinates of a joint that a seed perturbs without a manifest; one for other joints.
-_PERTURBED_COUNTS = {int(mujoco.mjtJoint.mjJNT_FREE): 2, int(mujoco.mjtJoint.mjJNT_BALL): 0}
-
-
 @dataclass(frozen=True)
 class InitialStateRule:
     """Rule that makes the initial states of one structure."""
@@ -340,9 +336,9 @@ def _perturbed_coordinates(
             for coordinate in match_coordinates(model, name)
         }
     joints = zip(model.jnt_type.tolist(), model.jnt_qposadr.tolist(), strict=True)
-    places = [
-        start + place for kind, start in joints for place in range(_PERTURBED_COUNTS.get(kind, 1))
-    ]
+    # Two coordinates of a free joint, none of a ball joint, and one of another joint.
+    counts = {int(mujoco.mjtJoint.mjJNT_FREE): 2, int(mujoco.mjtJoint.mjJNT_BALL): 0}
+    places = [start + place for kind, start in joints for place in range(counts.get(kind, 1))]
     perturbation = 1e-4  # [m, rad]: smaller than any measured start, larger than rounding
     return dict.fromkeys(places, perturbation)
 

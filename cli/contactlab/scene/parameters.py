@@ -21,8 +21,10 @@ from contactlab.schema.setting_values import (
     as_vector,
     choice_parser,
     integer_parser,
+    nonnegative_number,
     number_parser,
     or_off,
+    positive_number,
     vector_parser,
 )
 from contactlab.schema.vocabulary import AxisSpec
@@ -186,8 +188,6 @@ def _split_vector(parts: tuple[str, ...], value: object) -> dict[str, float]:
 
 _set_standard = partial(_set_numbers, "solref", form=_standard_form)
 _set_direct = partial(_set_numbers, "solref", form=_direct_form, sign=-1.0)
-_POSITIVE_NUMBER = number_parser(above=0)
-_NONNEGATIVE_NUMBER = number_parser(least=0)
 _OPEN_FRACTION = number_parser(above=0, most=0.9999)
 _STANDARD_PARTS, _DIRECT_PARTS = (
     ("solref.timeconst", "solref.dampratio"),
@@ -198,26 +198,26 @@ _FRICTION_PARTS = ("friction.slide", "friction.torsion", "friction.roll")
 
 # The order is that of application: a restitution keeps the stiffness set before it.
 for parameter in (
-    Parameter("timestep", "s", "length of a step", _POSITIVE_NUMBER),
+    Parameter("timestep", "s", "length of a step", positive_number),
     _keyword_parameter("integrator", "integrator"),
     _keyword_parameter("cone", "friction cone"),
     _keyword_parameter("solver", "constraint solver"),
     _keyword_parameter("jacobian", "constraint Jacobian"),
     Parameter("iterations", "1", "most solver iterations", integer_parser(1)),
-    Parameter("tolerance", "1", "solver tolerance", _NONNEGATIVE_NUMBER),
+    Parameter("tolerance", "1", "solver tolerance", nonnegative_number),
     Parameter("ls_iterations", "1", "most line-search iterations", integer_parser(1)),
-    Parameter("ls_tolerance", "1", "line-search tolerance", _NONNEGATIVE_NUMBER),
+    Parameter("ls_tolerance", "1", "line-search tolerance", nonnegative_number),
     Parameter("noslip_iterations", "1", "most noslip iterations", integer_parser(0)),
-    Parameter("noslip_tolerance", "1", "noslip tolerance", _NONNEGATIVE_NUMBER),
+    Parameter("noslip_tolerance", "1", "noslip tolerance", nonnegative_number),
     Parameter(
         "ccd_iterations", "1", "most iterations of convex collision detection", integer_parser(1)
     ),
-    Parameter("ccd_tolerance", "m", "tolerance of convex collision detection", _NONNEGATIVE_NUMBER),
+    Parameter("ccd_tolerance", "m", "tolerance of convex collision detection", nonnegative_number),
     Parameter(
-        "impratio", "1", "ratio of frictional to normal impedance", or_off(1.0, _POSITIVE_NUMBER)
+        "impratio", "1", "ratio of frictional to normal impedance", or_off(1.0, positive_number)
     ),
-    Parameter("density", "kg/m^3", "density of the medium", _NONNEGATIVE_NUMBER),
-    Parameter("viscosity", "Pa s", "viscosity of the medium", _NONNEGATIVE_NUMBER),
+    Parameter("density", "kg/m^3", "density of the medium", nonnegative_number),
+    Parameter("viscosity", "Pa s", "viscosity of the medium", nonnegative_number),
     Parameter(
         "gravity",
         "m/s^2",
@@ -238,7 +238,7 @@ for parameter in (
         _STANDARD_PARTS[0],
         "s",
         "time constant",
-        _POSITIVE_NUMBER,
+        positive_number,
         (),
         _DIRECT_PARTS,
         update=_set_standard(0),
@@ -247,13 +247,13 @@ for parameter in (
         _STANDARD_PARTS[1],
         "1",
         "damping ratio",
-        _POSITIVE_NUMBER,
+        positive_number,
         (),
         _DIRECT_PARTS,
         update=_set_standard(1),
     ),
-    Parameter(_DIRECT_PARTS[0], "1/s^2", "stiffness K", _POSITIVE_NUMBER, update=_set_direct(0)),
-    Parameter(_DIRECT_PARTS[1], "1/s", "damping B", _NONNEGATIVE_NUMBER, update=_set_direct(1)),
+    Parameter(_DIRECT_PARTS[0], "1/s^2", "stiffness K", positive_number, update=_set_direct(0)),
+    Parameter(_DIRECT_PARTS[1], "1/s", "damping B", nonnegative_number, update=_set_direct(1)),
     Parameter(
         "restitution",
         "1",
@@ -273,7 +273,7 @@ for parameter in (
     ),
     _number_parameter("solimp.dmin", "1", "impedance at zero depth", _OPEN_FRACTION, 0),
     _number_parameter("solimp.dmax", "1", "impedance at full depth", _OPEN_FRACTION, 1),
-    _number_parameter("solimp.width", "m", "depth of full impedance", _POSITIVE_NUMBER, 2),
+    _number_parameter("solimp.width", "m", "depth of full impedance", positive_number, 2),
     _number_parameter("solimp.midpoint", "1", "midpoint of the impedance curve", _OPEN_FRACTION, 3),
     _number_parameter(
         "solimp.power", "1", "power of the impedance curve", number_parser(least=1), 4
@@ -290,30 +290,30 @@ for parameter in (
         split=partial(_split_vector, _FRICTION_PARTS),
         update=_set_friction,
     ),
-    _number_parameter("friction.slide", "1", "sliding friction", _NONNEGATIVE_NUMBER, 0, 1),
-    _number_parameter("friction.torsion", "m", "torsional friction", _NONNEGATIVE_NUMBER, 2),
-    _number_parameter("friction.roll", "m", "rolling friction", _NONNEGATIVE_NUMBER, 3, 4),
+    _number_parameter("friction.slide", "1", "sliding friction", nonnegative_number, 0, 1),
+    _number_parameter("friction.torsion", "m", "torsional friction", nonnegative_number, 2),
+    _number_parameter("friction.roll", "m", "rolling friction", nonnegative_number, 3, 4),
     Parameter("condim", "1", "contact dimensions: 1, 3, 4 or 6", _parse_condim),
-    Parameter("margin", "m", "distance at which contact begins", _NONNEGATIVE_NUMBER),
+    Parameter("margin", "m", "distance at which contact begins", nonnegative_number),
     Parameter(
         "stiffness",
         AT_REST["stiffness"],
         "load over depth of one contact, of any load: sets solref, and dmin of solimp to dmax",
-        _POSITIVE_NUMBER,
+        positive_number,
         conflicts=("solref", _STANDARD_PARTS[0], *_DIRECT_PARTS, "solimp.dmin", "depth_at_rest"),
     ),
     Parameter(
         "depth_at_rest",
         AT_REST["depth_at_rest"],
         "depth of contacts under their load at the start of the model: sets solref",
-        _POSITIVE_NUMBER,
+        positive_number,
         conflicts=("solref", _STANDARD_PARTS[0], *_DIRECT_PARTS),
     ),
     Parameter(
         "gap",
         "m",
         "distance beyond the margin within which contacts exist but exert no force",
-        _NONNEGATIVE_NUMBER,
+        nonnegative_number,
     ),
 ):
     PARAMETERS.add(parameter)

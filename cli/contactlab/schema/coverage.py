@@ -12,9 +12,6 @@ from pydantic import AfterValidator
 
 from contactlab.schema.strict_model import Model, about
 
-_LARGEST = 1e300  # of runs that diverged; rounded, the largest number there is would be infinite
-
-
 Feature = Literal[
     "contact",
     "friction",
@@ -29,8 +26,11 @@ Feature = Literal[
 ]
 """Features of a model that a run may exercise."""
 
-Short = Annotated[float, AfterValidator(lambda value: float(f"{min(value, _LARGEST):.4g}"))]
-"""A number to four digits, which is as much as coverage is read for."""
+Short = Annotated[float, AfterValidator(lambda value: float(f"{min(value, 1e300):.4g}"))]
+"""A number to four digits, which is as much as coverage is read for.
+
+Runs that diverged have numbers at the limit: the largest there is would round to infinity.
+"""
 End = Literal["lower", "upper"]
 
 _RUBBED = 1e-3

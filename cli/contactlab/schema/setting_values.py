@@ -60,6 +60,10 @@ def number_parser(
     return parse
 
 
+positive_number, nonnegative_number = number_parser(above=0), number_parser(least=0)
+"""Parsers of numbers above 0, and of 0 or more."""
+
+
 def or_off(off: float, parse: Parser) -> Parser:
     """Return a parser that reads `false` as the value that turns an effect off."""
     return lambda value: off if value is False else parse(value)

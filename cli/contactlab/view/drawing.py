@@ -13,17 +13,17 @@ from contactlab.store.atomic_files import atomic_write
 from contactlab.view.drawn_motion import BodyMotion
 from contactlab.view.drawn_shapes import BodyShape
 
-# The free camera of films: right, up and forward in the world frame.
-_AZIMUTH, _ELEVATION = np.radians(120.0), np.radians(-18.0)
-_FORWARD = np.array(
-    [
-        np.cos(_ELEVATION) * np.cos(_AZIMUTH),
-        np.cos(_ELEVATION) * np.sin(_AZIMUTH),
-        np.sin(_ELEVATION),
-    ]
-)
-_RIGHT = np.array([np.sin(_AZIMUTH), -np.cos(_AZIMUTH), 0.0])
-_CAMERA = np.stack([_RIGHT, np.cross(_RIGHT, _FORWARD), _FORWARD])
+
+def _camera_axes() -> Floats:
+    """Return (3, 3) right, up and forward of the free camera of films, in the world frame."""
+    azimuth, elevation = np.radians(120.0), np.radians(-18.0)
+    level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    forward = np.array([*(np.cos(elevation) * level[:2]), np.sin(elevation)])
+    right = np.array([np.sin(azimuth), -np.cos(azimuth), 0.0])
+    return np.stack([right, np.cross(right, forward), forward])
+
+
+_CAMERA = _camera_axes()
 
 
 def write_drawing(

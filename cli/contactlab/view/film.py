@@ -35,8 +35,6 @@ from contactlab.view.drawn_shapes import VISIBLE_GROUPS, drawn_geoms
 
 Picture = NDArray[np.uint8]
 
-# An arrow's radius as a fraction of the sphere's, and at most of its own length.
-_ARROW_RADIUS, _MAX_ARROW_RADIUS = 0.015, 0.1
 _ARROW = mujoco.mjtGeom.mjGEOM_ARROW
 _PLACEMENT_STAGES = (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight, mujoco.mj_tendon)
 # The values of MUJOCO_GL, each with its system library.
@@ -47,8 +45,20 @@ _OPENGL_REMEDY = (
 )
 # Half the size of the encoder's default, without a visible difference.
 _H264_OPTIONS = {"crf": "20"}
-_PAPER_COLOUR, _INK_COLOUR = (255, 255, 255), (40, 44, 52)
-_BORDER_PIXELS = 6
+
+
+@dataclass(frozen=True)
+class _FilmLook:
+    """Sizes and colors of arrows, captions and insets."""
+
+    arrow_radius: float = 0.015  # of the radius of the view's sphere
+    most_arrow_share: float = 0.1  # of the length of the arrow: a short one stays slender
+    paper: tuple[int, int, int] = (255, 255, 255)
+    ink: tuple[int, int, int] = (40, 44, 52)
+    border: int = 6  # around captions and insets [pixels]
+
+
+_LOOK = _FilmLook()
 
 
 class _Screen(Protocol):
@@ -138,12 +148,12 @@ def draw_pictures(
                 # The second picture is an inset of the first one, in a frame at its top right.
                 shown = pictures[0].copy()
                 for inset in pictures[1:]:
-                    right = width - _BORDER_PIXELS
-                    rows = slice(_BORDER_PIXELS, _BORDER_PIXELS + inset.shape[0])
+                    right = width - _LOOK.border
+                    rows = slice(_LOOK.border, _LOOK.border + inset.shape[0])
                     framed = shown[rows, right - inset.shape[1] : right]
                     framed[:] = inset
                     for edge in (framed[:2], framed[-2:], framed[:, :2], framed[:, -2:]):
-                        edge[:] = _PAPER_COLOUR
+                        edge[:] = _LOOK.paper
                 yield shown
         finally:
             # Objects of a context are deleted by number, in the current context.
@@ -178,7 +188,7 @@ def _draw_trail(scene: mujoco.MjvScene, motion: BodyMotion, frame: int) -> None:
     body = int(np.argmax(motion.moving)) if motion.followed is None else motion.followed
     max_trail_pieces, trail_colour = 60, (0.10, 0.27, 0.98)  # red, green and blue
     rows = np.unique(np.linspace(0, frame, min(frame + 1, max_trail_pieces)).astype(int))
-    way, radius = motion.positions[rows, body], _ARROW_RADIUS * motion.view(frame).radius
+    way, radius = motion.positions[rows, body], _LOOK.arrow_radius * motion.view(frame).radius
     for place, (begin, end) in enumerate(itertools.pairwise(way), 1):
         if scene.ngeom < scene.maxgeom and np.linalg.norm(end - begin) > radius:
             colour = (*trail_colour, place / len(way))
@@ -283,8 +293,8 @@ def _draw_forces(scene: mujoco.MjvScene, motion: BodyMotion, frame: int) -> None
         if scene.ngeom == scene.maxgeom:
             return
         width = min(
-            _ARROW_RADIUS * motion.view(frame).radius,
-            _MAX_ARROW_RADIUS * float(np.linalg.norm(arrow)),
+            _LOOK.arrow_radius * motion.view(frame).radius,
+            _LOOK.most_arrow_share * float(np.linalg.norm(arrow)),
         )
         geom = _new_geom(scene, _ARROW, MODE_COLOURS[mode])
         # MuJoCo draws an arrow at half its length.
@@ -401,22 +411,22 @@ def add_caption(
     """
     height, width, _ = picture.shape
     size = max(10, width // 40)
-    strip = size + 2 * _BORDER_PIXELS
-    image = Image.new("RGB", (width, (height + strip + 1) // 2 * 2), _PAPER_COLOUR)
+    strip = size + 2 * _LOOK.border
+    image = Image.new("RGB", (width, (height + strip + 1) // 2 * 2), _LOOK.paper)
     image.paste(Image.fromarray(picture))
-    top, middle, right = height + _BORDER_PIXELS // 2, height + strip // 2, width - _BORDER_PIXELS
+    top, middle, right = height + _LOOK.border // 2, height + strip // 2, width - _LOOK.border
     pen, font = ImageDraw.Draw(image), ImageFont.load_default(size)
     if bar is not None:
         force, pixels = bar
         label, left = format_amount(force, "N"), right - pixels
-        pen.line((left, middle, right, middle), _INK_COLOUR, 2)
+        pen.line((left, middle, right, middle), _LOOK.ink, 2)
         for end in (left, right):
-            pen.line((end, middle - size // 3, end, middle + size // 3), _INK_COLOUR, 2)
-        right = left - _BORDER_PIXELS - math.ceil(pen.textlength(label, font))
-        pen.text((right, top), label, _INK_COLOUR, font)
+            pen.line((end, middle - size // 3, end, middle + size // 3), _LOOK.ink, 2)
+        right = left - _LOOK.border - math.ceil(pen.textlength(label, font))
+        pen.text((right, top), label, _LOOK.ink, font)
     lines = ["   ".join(words[: len(words) - left_out]) for left_out in range(len(words))]
-    fitting = (line for line in lines if pen.textlength(line, font) < right - 3 * _BORDER_PIXELS)
-    pen.text((_BORDER_PIXELS, top), next(fitting, words[0]), _INK_COLOUR, font)
+    fitting = (line for line in lines if pen.textlength(line, font) < right - 3 * _LOOK.border)
+    pen.text((_LOOK.border, top), next(fitting, words[0]), _LOOK.ink, font)
     return np.asarray(image)
 
 
@@ -425,7 +435,7 @@ def write_sheet(target: Path, pictures: Sequence[Picture], most: int = 3) -> Non
     columns = min(len(pictures), most)
     rows = math.ceil(len(pictures) / columns)
     height, width, _ = pictures[0].shape
-    sheet = Image.new("RGB", (columns * width, rows * height), _PAPER_COLOUR)
+    sheet = Image.new("RGB", (columns * width, rows * height), _LOOK.paper)
     for index, picture in enumerate(pictures):
         row, column = divmod(index, columns)
         sheet.paste(Image.fromarray(picture), (column * width, row * height))

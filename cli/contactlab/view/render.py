@@ -39,9 +39,18 @@ _VIEWER_SUFFIXES = (".mcap", ".rrd")
 # Frames per second. A GIF has whole pictures, and delays in hundredths of a second.
 _FILM_RATES = {".mp4": 30.0, ".gif": 12.5}
 _SHEET_SUFFIXES = (".png", ".svg")
-# Frames per second of viewers' files, and of the steps that a sheet's arrows represent.
-_FRAME_RATE = 60.0
-_MOMENT_COUNT, _MOMENT_COUNT_OF_TWO = 6, 3
+
+
+@dataclass(frozen=True)
+class _PictureRules:
+    """How densely pictures show a run."""
+
+    frame_rate: float = 60.0  # of viewers' files, and of the steps that a sheet's arrows represent
+    moments: int = 6  # of a sheet of one run: two rows
+    moments_of_two: int = 3  # of each of two runs next to each other
+
+
+_RULES = _PictureRules()
 
 
 @dataclass(frozen=True)
@@ -85,7 +94,7 @@ def render_run(
             f"--at {outside[0]:g}: choose a time within the run, {start:g} to {end:g} s"
         )
     if target.suffix.lower() in _VIEWER_SUFFIXES:
-        motion = read_motion(replay.prepared, trace, _FRAME_RATE)
+        motion = read_motion(replay.prepared, trace, _RULES.frame_rate)
         events = run_events(replay.record.labels, trace.time[: motion.rows[-1] + 1])
         if target.suffix.lower() == ".rrd":
             with optional("rerun", target.suffix):
@@ -146,9 +155,9 @@ def _write_pictures(
             write_mp4,
             write_sheet,
         )
-    rate = _FILM_RATES.get(suffix, _FRAME_RATE) / (options.speed or 1.0)
+    rate = _FILM_RATES.get(suffix, _RULES.frame_rate) / (options.speed or 1.0)
     is_sheet = suffix in _SHEET_SUFFIXES
-    most = _MOMENT_COUNT if len(runs) == 1 else _MOMENT_COUNT_OF_TWO
+    most = _RULES.moments if len(runs) == 1 else _RULES.moments_of_two
     moments = {time for run in runs for time in _sheet_times(*run, most)} if is_sheet else ()
     times = options.at or sorted(moments)
     pictures = [_run_pictures(*run, rate, times, options) for run in runs]
@@ -182,11 +191,11 @@ def _draw_moments(
 ) -> BodyMotion:
     if options.camera is not None:
         raise OutputError("--camera is for films and .png; leave it out for .svg")
-    most = 1 if len(runs) > 1 else _MOMENT_COUNT_OF_TWO
+    most = 1 if len(runs) > 1 else _RULES.moments_of_two
     times = options.at or sorted({time for run in runs for time in _sheet_times(*run, most)})
     motions = [
         _follow_pair(
-            read_motion(replay.prepared, trace, _FRAME_RATE, times), replay, trace, options
+            read_motion(replay.prepared, trace, _RULES.frame_rate, times), replay, trace, options
         )
         for replay, trace in runs
     ]
@@ -221,7 +230,7 @@ def _share_view(motions: Sequence[BodyMotion]) -> list[BodyMotion]:
 
 
 def _sheet_times(replay: PreparedReplay, trace: StoredTrace, most: int) -> list[float]:
-    motion = read_motion(replay.prepared, trace, _FRAME_RATE)
+    motion = read_motion(replay.prepared, trace, _RULES.frame_rate)
     events = run_events(replay.record.labels, trace.time[: motion.rows[-1] + 1])
     return picture_times(motion, trace, events, failing_pair(replay.record, trace.pairs), most)
 

@@ -26,11 +26,10 @@ from contactlab.errors import ClusterError
 from contactlab.run.ray import node as ray_node
 from contactlab.run.ray.node import NodeRequirements
 from contactlab.run.task_bundle import pack_bundle
-from contactlab.run.tasks import Crashed, Job, Result, Stop, Task
+from contactlab.run.tasks import MAX_LOSSES, Crashed, Job, Result, Stop, Task
 from contactlab.store.atomic_files import TEMPORARY_SUFFIX
 from contactlab.store.store_files import TRACES
 
-MAX_LOSSES = 3  # lost nodes of a job until it is considered the cause
 _LOSS_ERRORS = (NodeDiedError, ObjectLostError, RaySystemError, WorkerCrashedError)
 # Longest delay until a request to stop is noticed, and time limit for processes to end [s].
 _STOP_INTERVAL, _END_TIMEOUT = 0.5, 10.0

@@ -18,9 +18,8 @@ from submitit.core.utils import FailedJobError, UncompletedJobError
 
 from contactlab.run.slurm.part import BUNDLE, RESULT, STOP, Part, runs_of, unfinished_jobs
 from contactlab.run.task_bundle import pack_bundle
-from contactlab.run.tasks import Crashed, Job, Result, Stop, Task
+from contactlab.run.tasks import MAX_LOSSES, Crashed, Job, Result, Stop, Task
 
-MAX_LOSSES = 3  # losses of a task until its first job is considered the cause
 _POLL_SECONDS = 0.5  # between two checks for results [s]
 _SAFE_PATH_VARIABLE = "PYTHONSAFEPATH"
 

@@ -14,7 +14,7 @@ from contactlab.errors import SceneError, no_file
 from contactlab.scene.model_guards import check_places
 from contactlab.scene.model_xml import check_regular
 from contactlab.schema.drive import Drive, FileDrive, PolicyDrive, drive_files, drive_text
-from contactlab.schema.setting_values import number_parser
+from contactlab.schema.setting_values import nonnegative_number, number_parser, positive_number
 from contactlab.schema.vocabulary import AxisSpec
 
 _MOST_BYTES = 1 << 30  # of a file of a drive, which is copied into stores
@@ -99,7 +99,6 @@ def _share_or_seconds(value: object) -> object:
     return number_parser(least=0)(value)
 
 
-_POSITIVE_NUMBER, _NONNEGATIVE_NUMBER = number_parser(above=0), number_parser(least=0)
 _LATENCY_TEXT = "time from a policy's observation to its action; also as a share of its period: 50%"
 DRIVE_AXES: Mapping[str, AxisSpec] = {
     axis.name: axis
@@ -108,24 +107,22 @@ DRIVE_AXES: Mapping[str, AxisSpec] = {
             "drive.noise",
             "1",
             "size of random controls, as a share of their range",
-            _NONNEGATIVE_NUMBER,
+            nonnegative_number,
         ),
         AxisSpec(
             "drive.rate",
             "Hz",
             "rate of a policy's actions, or bandwidth of noise",
-            _POSITIVE_NUMBER,
+            positive_number,
         ),
         AxisSpec("drive.latency", "s", _LATENCY_TEXT, _share_or_seconds),
         AxisSpec(
             "drive.noise.qpos",
             "m or rad",
             "noise of the positions a policy observes",
-            _NONNEGATIVE_NUMBER,
+            nonnegative_number,
         ),
-        AxisSpec(
-            "drive.noise.qvel", "m/s or rad/s", "noise of the velocities", _NONNEGATIVE_NUMBER
-        ),
+        AxisSpec("drive.noise.qvel", "m/s or rad/s", "noise of the velocities", nonnegative_number),
     )
 }
 """Numeric parameters of drives as axes; found by name, but not listed."""
