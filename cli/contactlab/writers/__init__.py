@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping
 
 from contactlab.writers.github import as_annotations
 from contactlab.writers.junit import as_junit
-from contactlab.writers.record import as_json
 from contactlab.writers.report import Report as Report
 from contactlab.writers.report import Section as Section
+from contactlab.writers.report import as_json
 from contactlab.writers.report_document import as_markdown, as_text
 from contactlab.writers.sarif import as_sarif
 

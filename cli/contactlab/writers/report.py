@@ -1,11 +1,13 @@
-"""The report that all writers take, and the order of its findings, the worst first."""
+"""The report that all writers take, as data, and the order of its findings, the worst first."""
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from pydantic import BaseModel
 
 from contactlab.judge.wording import pair_location, pair_values, plural
+from contactlab.printable import printable
 from contactlab.schema.finding import Finding, Outcome
 from contactlab.writers.signs import ORDER
 
@@ -110,3 +112,10 @@ def _join_skipped_findings(findings: Sequence[Finding]) -> Line:
     where = ", ".join(names if len(names) <= 3 else [*names[:3], "..."])
     name = plural(len(findings), "check")
     return Line("skipped", name, findings[0].message, "", where, findings[0].is_open)
+
+
+def as_json(report: Report) -> str:
+    """Return the data of a report as JSON, in the shape of its published schema."""
+    # Pydantic itself writes no text that UTF-8 cannot hold, which data may have.
+    data = report.record.model_dump(mode="json")
+    return printable(json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False)) + "\n"
