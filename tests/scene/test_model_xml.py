@@ -38,7 +38,7 @@ def write(folder: Path, name: str, text: str | bytes) -> Path:
 def guarded(path: Path) -> Reading:
     """Return what the guards see of a model; a SceneError if they refuse to read it."""
     root = parse(path)
-    named = [each.path for each in FileSearch().references(path)]
+    named = [each.path for each in FileSearch().iterate_references(path)]
     beside = path.parent
     found = [str(one.relative_to(beside) if one.is_relative_to(beside) else one) for one in named]
     bodies = [body.get("name", "") for body in root.iter("body")]

@@ -34,6 +34,7 @@ IMPOSSIBLE = ("not_positive", "triangle", "balanced", "beyond")
 
 LIGHTEST, DENSEST = 50.0, 20000.0
 """Densities [kg/m^3] from foam and hollow shells to osmium, rounded."""
+_SLACK = 2.0  # rms distances may exceed those that fit into a shape by this factor
 
 
 def in_words(faults: Iterable[InertiaFault]) -> Iterator[str]:
@@ -52,7 +53,7 @@ def in_words(faults: Iterable[InertiaFault]) -> Iterator[str]:
 def density_faults(model: mujoco.MjModel, body: int) -> Iterator[InertiaFault]:
     """Yield a fault if no material has the density of a body's geoms."""
     space, mass = (
-        sum(volume(model, geom) for geom in solid_geoms(model, body)),
+        sum(geom_volume(model, geom) for geom in solid_geoms(model, body)),
         _body_mass(model, body),
     )
     density = mass / space if space else LIGHTEST
@@ -92,16 +93,15 @@ def shape_faults(model: mujoco.MjModel, body: int) -> Iterator[InertiaFault]:
             reason = f"its center of mass lies {beyond:.3g} m outside its geoms"
             yield InertiaFault(name, "outside", beyond, allowed, "m", reason)
 
-        slack = 2.0  # rms distances may exceed those that fit into a shape by this factor
         worst = int(np.argmax(spreads / lengths))
         widest, fits = float(spreads[worst]), float(lengths[worst]) / 2
-        if spreads[worst] > slack * lengths[worst] / 2:
+        if spreads[worst] > _SLACK * lengths[worst] / 2:
             reason = (
                 f"its inertia puts its mass {widest:.3g} m (rms) from its center along an axis on "
                 f"which its geoms are {lengths[worst]:.3g} m long, where at most {fits:.3g} m "
                 "would fit"
             )
-            limit = slack * float(lengths[worst]) / 2
+            limit = _SLACK * float(lengths[worst]) / 2
             yield InertiaFault(name, "too_large", widest, limit, "m", reason)
 
     spread = float(np.sqrt((spreads**2).sum()))
@@ -246,7 +246,7 @@ def solid_geoms(model: mujoco.MjModel, body: int) -> list[int]:
     return touching or solid
 
 
-def volume(model: mujoco.MjModel, geom: int) -> float:
+def geom_volume(model: mujoco.MjModel, geom: int) -> float:
     """Return the volume of a geom [m^3]; for a mesh, that of its convex hull."""
     shape = _SHAPES.get(int(model.geom_type[geom]))
     return shape[0](*model.geom_size[geom]) if shape else hull_volume(model, _mesh_of(model, geom))

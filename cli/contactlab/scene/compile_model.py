@@ -366,7 +366,7 @@ def compile_error(model: Path, tried: Path, error: Exception) -> SceneError:
     hints = list[str]()
     if "opening file" in lines[0]:
         # The first missing file, and where MuJoCo expects it.
-        for path in (reference.path for reference in FileSearch().references(model)):
+        for path in (reference.path for reference in FileSearch().iterate_references(model)):
             if not path.is_file() and f"{path.name}'" in lines[0]:
                 hints.append(f"it was expected at {path}; put it there, or say where it is:")
                 hints.append(_FOLDER_HINT[model.suffix == ".urdf"])

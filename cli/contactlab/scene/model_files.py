@@ -76,7 +76,7 @@ class FileSearch:
     seen: set[Path] = field(default_factory=set[Path])
     size: ModelSize = field(default_factory=ModelSize)
 
-    def references(self, model: Path, within: tuple[Path, ...] = ()) -> Iterator[Reference]:
+    def iterate_references(self, model: Path, within: tuple[Path, ...] = ()) -> Iterator[Reference]:
         """Yield the files that an MJCF or URDF file refers to, existing or not.
 
         A SceneError names it, or a model that it includes or attaches, if missing or not XML, or
@@ -84,8 +84,8 @@ class FileSearch:
         """
         if model.suffix == ".mjb":
             return
-        within, counts = nested(model, within), _Counts()
-        elements = list(self._elements(Reference(model), model.parent, within, counts))
+        within, counts = append_file(model, within), _Counts()
+        elements = list(self._iterate_elements(Reference(model), model.parent, within, counts))
         compiler: dict[str, str] = {}
         for element, file in elements:
             if element.tag == "compiler":
@@ -94,18 +94,18 @@ class FileSearch:
                 yield file
         for element, file in elements:
             if element.tag == "model" and element.get("file"):
-                attached = self.named(model.parent, element.get("file", ""))
+                attached = self.find_file(model.parent, element.get("file", ""))
                 yield attached
-                yield from self.references(attached.path, within)
+                yield from self.iterate_references(attached.path, within)
                 # A model without a name has that of its file, or of its root.
                 times = counts.attached.get(element.get("name", ""), sum(counts.attached.values()))
                 counts.elements += times * self.size.expanded.get(attached.path.resolve(), 0.0)
                 with named_in_errors(model):
                     self.size.check_elements("all that it attaches", counts.elements)
-            yield from self.assets(element, file.path, model.parent, compiler).values()
+            yield from self.find_assets(element, file.path, model.parent, compiler).values()
         self.size.expanded.setdefault(model.resolve(), counts.elements)
 
-    def _elements(
+    def _iterate_elements(
         self, file: Reference, base: Path, within: tuple[Path, ...], counts: "_Counts"
     ) -> Iterator[tuple[ET.Element, Reference]]:
         """Yield every element in document order, includes in their place, with its file."""
@@ -117,17 +117,19 @@ class FileSearch:
             for element in root.iter():
                 yield element, file
                 if element.tag == "include":
-                    inner = self.included(element, file.path, base)
-                    yield from self._elements(inner, base, nested(inner.path, within), counts)
+                    inner = self.find_included(element, file.path, base)
+                    yield from self._iterate_elements(
+                        inner, base, append_file(inner.path, within), counts
+                    )
 
-    def included(self, element: ET.Element, file: Path, base: Path) -> Reference:
+    def find_included(self, element: ET.Element, file: Path, base: Path) -> Reference:
         """Return what an <include> of a file includes, in a model that lies in a base folder."""
         name = element.get("file", "")
-        found, beside = (self.named(folder, name) for folder in (base, file.parent))
+        found, beside = (self.find_file(folder, name) for folder in (base, file.parent))
         known = found.path.is_file() or not beside.path.is_file()
         return found if known else beside
 
-    def assets(
+    def find_assets(
         self, element: ET.Element, file: Path, base: Path, compiler: Mapping[str, str]
     ) -> Mapping[str, Reference]:
         """Return the files that an element of a file reads, by attribute.
@@ -147,13 +149,13 @@ class FileSearch:
                 found[key] = Reference(_find_resource(name, base, self.copy), resource=name)
                 continue
             name = Path(name).name if strip else name
-            found[key] = self.named(base, Path(folder) / name)
-            beside = self.named(file.parent, name)
+            found[key] = self.find_file(base, Path(folder) / name)
+            beside = self.find_file(file.parent, name)
             if not found[key].path.is_file() and beside.path.is_file():
                 found[key] = beside
         return found
 
-    def named(self, base: Path, name: str | Path) -> Reference:
+    def find_file(self, base: Path, name: str | Path) -> Reference:
         """Return the file that a model in a folder names."""
         if not Path(name).is_absolute():
             return Reference(base / name)
@@ -162,7 +164,7 @@ class FileSearch:
         )
 
 
-def nested(model: Path, within: tuple[Path, ...]) -> tuple[Path, ...]:
+def append_file(model: Path, within: tuple[Path, ...]) -> tuple[Path, ...]:
     """Return the files that a file is read within, and itself; a SceneError if that has no end."""
     own = model.resolve()
     if own in within:
@@ -249,7 +251,7 @@ def collect_files(model: Path, beside: Sequence[Path] = (), copy: Path | None = 
     model, others = _make_plain_path(model), set(map(_make_plain_path, beside))
     try:
         search = FileSearch(copy and _make_plain_path(copy))
-        named = list(search.references(model))
+        named = list(search.iterate_references(model))
         paths = {model, *others, *(_make_plain_path(reference.path) for reference in named)}
         check_places(paths, beside[0].parent if beside else model, copy)
         found = [reference for reference in named if reference.path.is_file()]

@@ -161,14 +161,16 @@ class Origins:
         for element in root.iter():
             file, _ = origins[element]
             if file != own:
-                here = self.search.assets(element, path, path.parent, compiler)
-                for key, found in self.search.assets(element, file, path.parent, compiler).items():
+                here = self.search.find_assets(element, path, path.parent, compiler)
+                for key, found in self.search.find_assets(
+                    element, file, path.parent, compiler
+                ).items():
                     if found != here[key]:
                         element.set(key, str(found.path))
         yield root, path, origins
         for model in root.iter("model"):
             if name := model.get("file"):
-                yield from self._laid_out_documents(self.search.named(path.parent, name).path)
+                yield from self._laid_out_documents(self.search.find_file(path.parent, name).path)
 
     def _inline_includes(
         self, path: Path, base: Path, origins: dict[ET.Element, Origin]
@@ -178,6 +180,6 @@ class Origins:
         for parent in list(root.iter()):
             for place, child in reversed(list(enumerate(parent))):
                 if child.tag == "include":
-                    inner = self.search.included(child, path, base).path
+                    inner = self.search.find_included(child, path, base).path
                     parent[place : place + 1] = self._inline_includes(inner, base, origins)
         return root

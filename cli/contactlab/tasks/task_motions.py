@@ -88,8 +88,8 @@ def task_motions(
         if failed := next((error for error in rollout.errors if error), None):
             raise SceneError(f"the controller ended the run: {failed}")
         prepared = prepared.with_recorded_controls(rollout.controls)
-    spans = [span for phase in task.phases if (span := _span(phase, model, prepared.steps))]
-    pieces = [list(_pieces(prepared, run, spans)) for run in range(len(runs))]
+    spans = [span for phase in task.phases if (span := _find_span(phase, model, prepared.steps))]
+    pieces = [list(_reached_pieces(prepared, run, spans)) for run in range(len(runs))]
     motions = list[Motion]()
     for place, phase in enumerate(task.phases[: len(spans)]):
         reached = [parts[place] for parts in pieces if place < len(parts)]
@@ -104,13 +104,15 @@ def task_motions(
     return [replace(motion, usual=usual) for motion in motions]
 
 
-def _span(phase: Phase, model: mujoco.MjModel, steps: int) -> tuple[int, int] | None:
+def _find_span(phase: Phase, model: mujoco.MjModel, steps: int) -> tuple[int, int] | None:
     """Return the first step of a phase and the one after its last; None if it has none."""
     begin, end = (round(time / model.opt.timestep) for time in (phase.begin, phase.end))
     return (begin, min(max(end, begin + 1), steps)) if begin < steps else None
 
 
-def _pieces(prepared: PreparedRuns, run: int, spans: Sequence[tuple[int, int]]) -> Iterator[_Piece]:
+def _reached_pieces(
+    prepared: PreparedRuns, run: int, spans: Sequence[tuple[int, int]]
+) -> Iterator[_Piece]:
     """Yield the phases that a run reaches."""
     model, start = prepared.models[run], prepared.starts.select_run(run)
     batch = start_batch([model], start)

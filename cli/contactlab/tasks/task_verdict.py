@@ -93,7 +93,7 @@ def verdict_of(
             "verdict": word,
             "sentence": sentence or "not judged: nothing moves in MuJoCo",
             "phases": [
-                _phase(phase.name, phases.get(phase.name), labelled[phase.name])
+                _phase_verdict(phase.name, phases.get(phase.name), labelled[phase.name])
                 for phase in task.phases
             ],
         }
@@ -106,7 +106,7 @@ def moves(run: RunSpec, model: mujoco.MjModel) -> bool:
     return run.engine == MODEL_ENGINE and bool(model.nv) and bool(np.any(masses > 0))
 
 
-def _phase(name: str, budget: PhaseBudget | None, labels: Counter[str]) -> PhaseVerdict:
+def _phase_verdict(name: str, budget: PhaseBudget | None, labels: Counter[str]) -> PhaseVerdict:
     error = budget.run.error if budget else np.nan
     return PhaseVerdict(
         name=name,

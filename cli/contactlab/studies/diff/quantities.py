@@ -8,7 +8,7 @@ import numpy as np
 
 from contactlab.contact.rotations import rotation_matrices
 from contactlab.contact.trace_arrays import Floats
-from contactlab.scene.body_inertia import volume
+from contactlab.scene.body_inertia import geom_volume
 from contactlab.scene.model_names import name_of
 from contactlab.scene.model_text import mjcf_text
 from contactlab.scene.mujoco_versions import enum_members
@@ -97,7 +97,7 @@ _FLAT = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
 
 def _read_volume(model: mujoco.MjModel, geom: int) -> float:
     """Return the volume of a geom [m^3], for a mesh that of its hull; 0 of a plane or a field."""
-    return 0.0 if int(model.geom_type[geom]) in _FLAT else volume(model, geom)
+    return 0.0 if int(model.geom_type[geom]) in _FLAT else geom_volume(model, geom)
 
 
 def _joint_turns(field: str) -> Read:

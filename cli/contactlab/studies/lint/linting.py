@@ -95,7 +95,9 @@ def _including_models(part: Path) -> Iterator[Path]:
                 continue
             try:
                 elements = parse(path).iter("include")
-                files = [FileSearch().included(one, path, path.parent).path for one in elements]
+                files = [
+                    FileSearch().find_included(one, path, path.parent).path for one in elements
+                ]
             except SceneError:
                 continue
             if part.resolve() in (file.resolve() for file in files):
