@@ -15,7 +15,7 @@ from contactlab.view.drawn_shapes import BodyShape
 
 
 def _camera_axes() -> Floats:
-    """Return (3, 3) right, up and forward of the free camera of films, in the world frame."""
+    # (3, 3): right, up and forward of the free camera of films, in the world frame.
     azimuth, elevation = np.radians(120.0), np.radians(-18.0)
     level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     forward = np.array([*(np.cos(elevation) * level[:2]), np.sin(elevation)])
