@@ -160,9 +160,9 @@ def make_visible(spec: Spec) -> Spec:
     return _with_texts(spec, visible)
 
 
-def _renderer() -> ModuleType:
-    # Its JavaScript engine reserves more than 64 GiB of addresses, of which it uses few. Where the
-    # system refuses them, it ends the process by a signal.
+def _open_renderer() -> ModuleType:
+    # Its JavaScript engine reserves more than 64 GiB of addresses but uses few. It ends the process
+    # by a signal if the system refuses them.
     least, limit = 72 << 30, address_space_limit()
     if limit < least:
         raise OutputError(
@@ -174,7 +174,7 @@ def _renderer() -> ModuleType:
 
 def as_svg(spec: Spec, prefix: str = "") -> str:
     """Return a specification as SVG; a prefix of its ids lets several fit on one page."""
-    svg = _renderer().vegalite_to_svg(make_visible(spec), allowed_base_urls=_ALLOWED_URLS)
+    svg = _open_renderer().vegalite_to_svg(make_visible(spec), allowed_base_urls=_ALLOWED_URLS)
     # Its ids count from 0: the renderer goes on from the picture before.
     numbers = {name: place for place, name in enumerate(dict.fromkeys(_ID.findall(svg)))}
     if not numbers:
@@ -228,14 +228,14 @@ def save_figure(chart: alt.TopLevelMixin, path: Path, *, dark: bool | None = Fal
 
 def as_png(spec: Spec, scale: float = _SCALE) -> bytes:
     """Return a specification as PNG, with `scale` dots per pixel."""
-    return _renderer().vegalite_to_png(
+    return _open_renderer().vegalite_to_png(
         make_visible(spec), scale=scale, allowed_base_urls=_ALLOWED_URLS
     )
 
 
 def as_pdf(spec: Spec) -> bytes:
     """Return a specification as PDF, with its objects in no fixed order."""
-    return _renderer().vegalite_to_pdf(make_visible(spec), allowed_base_urls=_ALLOWED_URLS)
+    return _open_renderer().vegalite_to_pdf(make_visible(spec), allowed_base_urls=_ALLOWED_URLS)
 
 
 @cache
@@ -262,4 +262,4 @@ def vega_bundle() -> str:
 
 
 def _bundle_vega() -> str:
-    return _renderer().javascript_bundle(_EXPOSED)
+    return _open_renderer().javascript_bundle(_EXPOSED)

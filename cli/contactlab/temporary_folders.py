@@ -19,12 +19,12 @@ _LOCK = "lock"
 
 
 def temporary_folder() -> tempfile.TemporaryDirectory[str]:
-    """Return a new folder, which is removed at the end of its context."""
+    """Return a new folder that is removed at the end of its context."""
     return tempfile.TemporaryDirectory(dir=temporary_root())
 
 
 def temporary_root() -> Path:
-    """Return the folder of this process, which is removed when the process ends."""
+    """Return the folder of this process; it is removed when the process ends."""
     return _open_root(tempfile.gettempdir(), os.getpid())
 
 
@@ -47,7 +47,7 @@ def remove_left_folders(place: Path, least_age: float = 3600.0) -> None:
 
     Args:
         place: folder of temporary files.
-        least_age: age from which a folder is removed [s]; a new one may not be locked yet.
+        least_age: least age of a removed folder [s]; a new one may not be locked yet.
     """
     for folder in place.glob(f"{_PREFIX}*"):
         with suppress(OSError):

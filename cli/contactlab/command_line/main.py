@@ -143,7 +143,6 @@ def _run_words(words: Sequence[str]) -> int:
 
 
 def _check_surroundings(words: Sequence[str]) -> None:
-    """Raise an error where the process lacks a folder, open files, docstrings or names as text."""
     if sys.flags.optimize > 1:
         raise CommandLineError(
             "without docstrings (python -OO) libraries of contactlab fail; set PYTHONOPTIMIZE=1"
