@@ -97,7 +97,7 @@ def test_junit_has_a_case_for_each_check(worse: ComparisonReport) -> None:
     assert suite.get("skipped") == str(outcomes.count("skipped"))
     (failure,) = suite.findall(".//testcase[@name='depth no worse']/failure")
     assert failure.get("message") == "worse: 1 of 8 runs worse"
-    assert "0.001 -> 0.002 m (+100 %) at cone=elliptic timestep=0.001" in (failure.text or "")
+    assert "1 -> 2 mm (+100 %) at cone=elliptic timestep=0.001" in (failure.text or "")
 
 
 def test_junit_names_are_unique_and_the_same_every_time(

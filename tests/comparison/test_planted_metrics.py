@@ -46,7 +46,7 @@ def test_one_worse_metric(baseline: Path, runs: Runs, stored: Stored) -> None:
     (pair,) = found.worst
     assert (pair.baseline, pair.candidate) == (1e-3, 1.5e-3)
     assert pair.axes == {"cone": "elliptic", "timestep": 8e-3}
-    line = "0.001 -> 0.0015 m (+50 %)  cone=elliptic timestep=0.008 [00000000]"
+    line = "1 -> 1.5 mm (+50 %)  cone=elliptic timestep=0.008 [00000000]"
     assert line in as_text(report_of(report))
 
 

@@ -16,8 +16,8 @@ from contactlab.comparison.run_checks import PairLabels
 from contactlab.contact.trace_arrays import Floats
 from contactlab.judge.policies import EffectiveRule, effective_rule, kind_of
 from contactlab.judge.subjects import BETTER, CHANGED, MISSING, SAME, WORSE, Mask, Subject
-from contactlab.judge.wording import out_of, plural
-from contactlab.rendering.amounts import format_digits, format_percent
+from contactlab.judge.wording import format_change, out_of, plural
+from contactlab.rendering.amounts import format_percent
 from contactlab.schema.finding import Finding
 from contactlab.shares import SURE, median_interval, paired_difference
 from contactlab.store.run_columns import NumberColumn
@@ -133,8 +133,7 @@ def spread_finding(
     middle = (int(both.sum()) - 1) // 2
     old, new_value = (float(np.sort(each.values[both])[middle]) for each in (before, after))
     interval = "" if ends[0] == ends[1] else f" ({ends[0]} to {ends[1]})"
-    medians = f"{format_digits(old, 3)} -> {format_digits(new_value, 3)}"
-    medians += "" if subject.unit in {"", "1", "any"} else f" {subject.unit}"
+    medians = format_change(old, new_value, subject.unit, 3)
     message = f"median change {_share_text(np.sort(shares)[middle])}{interval}, {medians}"
     message += (
         f", within {format_percent(rule.rel)}" if code == SAME and low > -1 and high < 1 else ""

@@ -10,14 +10,24 @@ from contactlab.shares import wilson
 
 def value_change(baseline: float, candidate: float, unit: str) -> str:
     """Return `0.1 -> 0.12 m (+20 %)`: two values and their relative change."""
-    before, after = format_digits(baseline, 4), format_digits(candidate, 4)
-    shown = f"{before} -> {after}"
-    if before == after:
-        shown = f"{baseline:.10g} -> {candidate:.10g}"
-    named = shown if unit in {"", "1", "any"} else f"{shown} {unit}"
+    named = format_change(baseline, candidate, unit, 4)
     if baseline <= 0 or not abs(candidate / baseline) < 1e3:
         return named
     return f"{named} ({format_percent(candidate / baseline - 1, signed=True)})"
+
+
+def format_change(before: float, after: float, unit: str, digits: int) -> str:
+    """Return `1.74 -> 1.79 mm`: two values, small lengths and speeds in mm and mm/s.
+
+    Values that look equal in these digits have ten.
+    """
+    small = 0.1  # m or m/s
+    in_mm = unit in {"m", "m/s"} and 0 < max(abs(before), abs(after)) < small
+    scale, name = (1e3, f"m{unit}") if in_mm else (1.0, unit)
+    old, new = scale * before, scale * after
+    texts = format_digits(old, digits), format_digits(new, digits)
+    shown = " -> ".join(texts) if texts[0] != texts[1] else f"{old:.10g} -> {new:.10g}"
+    return shown if name in {"", "1", "any"} else f"{shown} {name}"
 
 
 def share_with_interval(good: int, runs: int) -> str:
