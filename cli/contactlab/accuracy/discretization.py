@@ -84,7 +84,12 @@ def discretization_errors(
     """
     local = request.error == "local"
     timesteps = [run.run.timestep for run in family]
-    samples, shared = _sample_count(family), request.against == "written"
+    # More timesteps in a family leave memory for fewer states of each.
+    states = family[0].prepared.model
+    bytes_of_state = 8 * (1 + states.nq + states.nv + states.na)
+    least, most = 16, 256  # common times of a run and its reference
+    fitting = _MOST_BYTES_OF_STATES // (bytes_of_state * len(set(timesteps)))
+    samples, shared = max(least, min(most, fitting)), request.against == "written"
     times = [
         _restart_times(run, max(timesteps))
         if local
@@ -116,15 +121,6 @@ def discretization_errors(
             visible = divergence >= extent_share * float(reference.fine.prepared.model.stat.extent)
             found["chaotic"] = visible and (hides_errors or above_estimate)
     return [{**note, **found} for note in notes]
-
-
-def _sample_count(family: Sequence[PlannedModel]) -> int:
-    """Return the number of kept reference states for each run."""
-    model = family[0].prepared.model
-    state = 8 * (1 + model.nq + model.nv + model.na)
-    timesteps = len({run.run.timestep for run in family})
-    least, most = 16, 256  # common times of a run and its reference
-    return max(least, min(most, _MOST_BYTES_OF_STATES // (state * timesteps)))
 
 
 def _common_times(run: PlannedModel, samples: int, *, to_the_end: bool) -> _ComparisonTimes:

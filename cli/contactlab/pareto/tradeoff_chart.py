@@ -293,7 +293,13 @@ def _chart_layers(report: TradeoffReport, shown: ChartData) -> Iterator[alt.Char
         shape="arrow", angle=180, size=260, yOffset=14, color=INK
     )
     yield arrows.encode(x, y)
-    yield from _chosen_rings(rings, x, y)
+    ring = layer_of("chosen", rings)
+    circles = ring.mark_point(shape="circle", size=420, strokeWidth=2.2, color=INK, opacity=1)
+    yield circles.encode(x, y)
+    placed = {name: alt.ExprRef(f"datum.{name}") for name in ("align", "dx", "dy")}
+    bold = {"fontSize": 12, "fontWeight": "bold"}
+    for mark in halo_layers(ring, **placed, **bold):
+        yield mark.encode(x, y, text="chosen:N")
 
 
 def _method_channel(shown: ChartData, channel: type[_Channel], values: list[str]) -> _Channel:
@@ -301,16 +307,6 @@ def _method_channel(shown: ChartData, channel: type[_Channel], values: list[str]
     used = [name for name in names if any(point["method"] == name for point in shown.points)]
     scaled = channel("method:N").scale(domain=names, range=values)
     return scaled.legend(title="method", values=used)
-
-
-def _chosen_rings(rows: list[Row], x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
-    ring = layer_of("chosen", rows)
-    marked = ring.mark_point(shape="circle", size=420, strokeWidth=2.2, color=INK, opacity=1)
-    yield marked.encode(x, y)
-    placed = {name: alt.ExprRef(f"datum.{name}") for name in ("align", "dx", "dy")}
-    bold = {"fontSize": 12, "fontWeight": "bold"}
-    for mark in halo_layers(ring, **placed, **bold):
-        yield mark.encode(x, y, text="chosen:N")
 
 
 class _Box(NamedTuple):

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from contactlab.errors import SceneError
-from contactlab.plan.grid import Plan
 from contactlab.plan.sweep_file import read_sweep
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.run.sweep_request import SceneLoader
@@ -99,21 +98,6 @@ class SweepSetup:
         return replace(self, scenes=scenes, reference=reference, base=base)
 
 
-def _list_scenarios(plan: Plan) -> tuple[Values, ...]:
-    names = [axis.name for axis in plan.axes if axis.role == "scenario"]
-    scenarios: dict[str, Values] = {}
-    for run in plan.iterate_runs():
-        scenario = {name: run.values[name] for name in names if name in run.values}
-        scenarios.setdefault(json.dumps(scenario, default=str), scenario)
-    return tuple(scenarios.values())
-
-
-def _list_scenarios_between(scenarios: Sequence[Values]) -> tuple[Values, ...]:
-    """Return scenarios half way between neighbors, or the given ones if there are none."""
-    middles = [_half_way(first, second) for first, second in pairwise(scenarios)]
-    return tuple(middle for middle in middles if middle not in scenarios) or tuple(scenarios)
-
-
 def _half_way(first: Values, second: Values) -> dict[str, object]:
     middle = dict(first)
     for name, value in first.items():
@@ -149,7 +133,17 @@ def read_setup(request: EffectsRequest, *, recordings: bool = False) -> SweepSet
         scenes = replace(scenes, drive=sweep.drive, drive_folder=folder)
     asked = [*request.assign, *request.task.settings]
     assigned, given = read_settings(scenes, reference, asked, ("duration", "must"))
-    scenarios, axes = _list_scenarios(read.plan), read.plan.axes
+    axes = read.plan.axes
+    names = [axis.name for axis in axes if axis.role == "scenario"]
+    found: dict[str, Values] = {}
+    for run in read.plan.iterate_runs():
+        scenario = {name: run.values[name] for name in names if name in run.values}
+        found.setdefault(json.dumps(scenario, default=str), scenario)
+    scenarios = tuple(found.values())
+    # The verification uses scenarios half way between neighbors, or the same ones.
+    middles = [_half_way(first, second) for first, second in pairwise(scenarios)]
+    between = tuple(middle for middle in middles if middle not in scenarios)
+
     # Values that the sweep gives to every run, including effects.
     varied = {axis.name for axis in axes if axis.count > 1 or axis.role == "scenario"}
     first = next(read.plan.iterate_runs()).values
@@ -159,7 +153,7 @@ def read_setup(request: EffectsRequest, *, recordings: bool = False) -> SweepSet
         reference=reference,
         base={**fixed, **assigned},
         scenarios=scenarios,
-        fresh_scenarios=_list_scenarios_between(scenarios),
+        fresh_scenarios=between or scenarios,
         seeds=(0,),
         duration=given.duration or sweep.duration,
         tolerances=sweep.tolerances,

@@ -221,8 +221,11 @@ def list_model_features(
             continue
         state = states["auto"].get(name)
         proof = "" if state is None or state.on else state.reason
-        if proof and _is_absent(name):
-            continue
+        if proof and name != "contact":
+            # MuJoCo's own flags of forces are on in models that have no such force.
+            effect = EFFECTS[name]
+            if effect.kind == "physical" and effect.switch.flag is not None:
+                continue
         if name == "contact" and proof and with_masks:
             kept = ""
         settings = feature.settings_without(model)
@@ -252,12 +255,6 @@ def _has_feature(feature: Feature, model: mujoco.MjModel, on: dict[str, EffectSt
     if feature.name in EFFECTS:
         return feature.name in on and on[feature.name].on
     return bool(feature.settings_without(model))
-
-
-def _is_absent(name: str) -> bool:
-    # MuJoCo's own flags of forces are on in models that have no such force.
-    effect = EFFECTS[name]
-    return effect.kind == "physical" and effect.switch.flag is not None and name != "contact"
 
 
 def _add_feature(feature: Feature, kept: str) -> ModelPart:

@@ -78,7 +78,10 @@ class SmallerSearch:
             if error is not None and error.error > LOAD_MARGIN * self._original.task.tolerance:
                 self._put_back(chosen, f"together they differ by {error.error:.2g} in {error.body}")
                 continue
-            edits = _join_edits(parts)
+            edits = ModelEdits()
+            for part in parts:
+                assert part.edits
+                edits = edits.joined_with(part.edits)
             try:
                 made = self._compile_without(edits, parts)
                 (cost,) = self.clock.count_costs([(made, 1)])
@@ -214,14 +217,6 @@ def _is_worthwhile(one: MeasuredPart) -> bool:
         return one.cost <= 1
     least_saving = 0.01  # of the counted time, since a feature costs a changed line
     return one.cost < 1 - least_saving
-
-
-def _join_edits(parts: Sequence[ModelPart]) -> ModelEdits:
-    joined = ModelEdits()
-    for part in parts:
-        assert part.edits
-        joined = joined.joined_with(part.edits)
-    return joined
 
 
 def describe_result(smaller: SmallerModel | None, search: SmallerSearch) -> str:

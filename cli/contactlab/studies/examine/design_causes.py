@@ -12,7 +12,7 @@ from contactlab.measure.friction import RATE
 from contactlab.rendering.amounts import format_digits, format_percent
 from contactlab.scene.closed_start import moving_extent
 from contactlab.scene.contact_pairs import half_extents
-from contactlab.schema.examination import Cause, Stage
+from contactlab.schema.examination import Cause
 from contactlab.schema.grip import GripReport
 from contactlab.studies.examine.standing_starts import (
     begin_motion,
@@ -69,7 +69,8 @@ def find_sagging_servo(motion: Motion, most: float = 0.05) -> Iterator[Cause]:
 def find_lost_grip(grip: GripReport, sentence: str) -> Iterator[Cause]:
     """Yield the cause of a grip that does not hold, as `contactlab grip` judges it."""
     if not grip.holds:
-        yield Cause(stage=_stage_of(grip), sentence=sentence)
+        is_choice = any(cause.kind == "regularized friction" for cause in grip.causes)
+        yield Cause(stage="modeling choice" if is_choice else "design", sentence=sentence)
 
 
 def leaves_hand(motion: Motion, grip: GripReport) -> bool:
@@ -84,11 +85,6 @@ def leaves_hand(motion: Motion, grip: GripReport) -> bool:
     seconds = motion.steps * float(model.opt.timestep)
     way = float(np.linalg.norm(_place_in(data, held, base) - begun))
     return bool(size) and way > _MOST_SPEED * seconds * size
-
-
-def _stage_of(grip: GripReport) -> Stage:
-    kinds = [cause.kind for cause in grip.causes]
-    return "modeling choice" if "regularized friction" in kinds else "design"
 
 
 def _place_in(data: mujoco.MjData, body: int, base: int) -> Floats:

@@ -168,7 +168,12 @@ def _find_passages(
     data, geoms, halves = mujoco.MjData(model), np.array(pairs), half_extents(model)
     thin = halves[geoms].min(axis=1)
     apart = np.ones(len(pairs), bool)
-    for place in map(int, _list_looks(motion, run)):
+    window_seconds = 0.02  # between states that are looked at, as far as the first seed came
+    length, begins = cut(motion, window_seconds)
+    lost = run.begins[~run.valid[0]]
+    if lost.size:
+        begins = begins[begins + length <= lost[0]]
+    for place in map(int, begins):
         mujoco.mj_setState(model, data, run.kept[0, place], KEPT)
         mujoco.mj_kinematics(model, data)
         near = apart & _are_near(model, data, geoms)
@@ -181,14 +186,6 @@ def _find_passages(
             elif depth >= thin[pair]:
                 yield _Passage((one, other), depth, begin + place * step)
                 apart[pair] = False
-
-
-def _list_looks(motion: Motion, run: Run) -> NDArray[np.intp]:
-    """Return the steps before which a phase is looked at, as far as its first seed came."""
-    window_seconds = 0.02  # between states that are looked at
-    length, begins = cut(motion, window_seconds)
-    lost = run.begins[~run.valid[0]]
-    return begins[begins + length <= lost[0]] if lost.size else begins
 
 
 def _are_near(

@@ -163,7 +163,9 @@ class CauseRepairer:
             return model
         if any(fault.stage == "file" for fault in model.faults):
             # No repair of its start changes that verdict.
-            return replace(model, causes=_join_causes(model.causes, model.faults))
+            listed = {cause.sentence for cause in model.causes}
+            more = (one for one in list_file_causes(model.faults) if one.sentence not in listed)
+            return replace(model, causes=(*model.causes, *more))
         if model.word != "ok":
             model = self._part_links(model)
         known = [fault.sentence for fault in faults if fault.stage == "start"]
@@ -435,11 +437,6 @@ def _is_better(model: RepairedModel, repaired: RepairedModel, repair: Repair) ->
     if repair.stage != "start" and repaired.complaints < model.complaints:
         return True
     return left > own or (repair.is_certain and left >= min(own, _rank_verdict("depends")))
-
-
-def _join_causes(causes: tuple[Cause, ...], faults: Sequence[FileFault]) -> tuple[Cause, ...]:
-    known = {cause.sentence for cause in causes}
-    return (*causes, *(one for one in list_file_causes(faults) if one.sentence not in known))
 
 
 def list_open_causes(model: RepairedModel) -> Iterator[Cause]:

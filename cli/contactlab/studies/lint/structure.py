@@ -50,7 +50,8 @@ def find_missing_actuators(linted: LintedModel) -> Iterator[Fault]:
     else:
         first = linted.name("joint", int(driven[0]))
         place = linted.place("joint", int(driven[0]))
-        motors_of = f"{_count_text(driven.size, 'joint')} such as {first} have motors"
+        joints = f"{driven.size} joint{'s' if driven.size != 1 else ''}"
+        motors_of = f"{joints} such as {first} have motors"
         remedy = (
             "a URDF cannot have one in MuJoCo: write an MJCF that attaches it, with an <actuator> "
             "for each"
@@ -173,7 +174,3 @@ def find_missing_floor(linted: LintedModel) -> Iterator[Fault]:
             linted.place("body", root),
         )
         return
-
-
-def _count_text(number: int, noun: str) -> str:
-    return f"{number} {noun}{'s' if number != 1 else ''}"

@@ -44,17 +44,6 @@ def _read_report(place: Path) -> TuneReport | None:
     return report if all((place / file).is_file() for file in files) else None
 
 
-def _applied_reductions(report: TuneReport) -> dict[ReductionName, float | None]:
-    found = dict[ReductionName, float | None]()
-    if report.far_pairs and report.far_pairs.removed:
-        found["far-pairs"] = report.far_pairs.distance
-    if report.simplified_hulls:
-        found["hulls"] = report.simplified_hulls.max_distance
-    if report.removed_sensors:
-        found["sensors"] = None
-    return found
-
-
 def _is_same_question(request: TuneRequest, report: TuneReport) -> bool:
     """Return whether a report of the same model and task has the same target and options."""
     target = report.target
@@ -62,6 +51,13 @@ def _is_same_question(request: TuneRequest, report: TuneReport) -> bool:
     asked = request.error
     if asked is not None and request.error_at is None:
         asked = min(asked, target.tolerance)
+    reductions = dict[ReductionName, float | None]()
+    if report.far_pairs and report.far_pairs.removed:
+        reductions["far-pairs"] = report.far_pairs.distance
+    if report.simplified_hulls:
+        reductions["hulls"] = report.simplified_hulls.max_distance
+    if report.removed_sensors:
+        reductions["sensors"] = None
     same_work = report.ended == "complete" or report.max_time == request.max_time
     return (
         report.ended != "time"
@@ -69,6 +65,6 @@ def _is_same_question(request: TuneRequest, report: TuneReport) -> bool:
         and (
             (asked, request.real_time, tuple(request.observed), request.error_at)
             == (given, target.real_time, target.observed, target.error_at)
-            and dict(request.apply) == _applied_reductions(report)
+            and dict(request.apply) == reductions
         )
     )

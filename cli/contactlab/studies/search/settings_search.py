@@ -775,9 +775,10 @@ def find_usable_steps(
         if period is not None:
             usable = _is_whole(period / step)
         else:
-            usable = _is_round(step) or (
-                not _is_round(own) and (_is_whole(own / step) or _is_doubled(step / own))
-            )
+            longer = step / own
+            doubled = _is_whole(longer) and math.log2(round(longer)).is_integer()
+            related = not _is_round(own) and (_is_whole(own / step) or doubled)
+            usable = _is_round(step) or related
         if usable:
             found.add(multiple)
     return tuple(sorted(found))
@@ -785,10 +786,6 @@ def find_usable_steps(
 
 def _is_whole(ratio: float) -> bool:
     return round(ratio) >= 1 and abs(ratio - round(ratio)) <= SUM_ROUNDING * ratio
-
-
-def _is_doubled(ratio: float) -> bool:
-    return _is_whole(ratio) and math.log2(round(ratio)).is_integer()
 
 
 def _is_round(step: float) -> bool:

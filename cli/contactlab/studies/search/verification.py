@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from shutil import rmtree
 
-from contactlab.budget import ErrorBudget, Motion, Settings, error_budget, judge
+from contactlab.budget import Motion, Settings, error_budget, judge
 from contactlab.errors import SceneError
 from contactlab.modifications.unused_pairs import pairs_within
 from contactlab.reporting.verified_measures import describe_measure
@@ -606,7 +606,9 @@ class CandidateVerifier:
         )
         verdict = judge(budget, task.tolerance)
         reason = verdict.reasons[0].sentence if verdict.reasons else ACCURATE
-        return _Judgement(verdict.word, budget.error, *_seed_range(budget), reason)
+        seeds = max(budget.phases, key=lambda phase: phase.run.error).run.seeds
+        low, high = float(seeds.min()), float(seeds.max())
+        return _Judgement(verdict.word, budget.error, low, high, reason)
 
     def _touching_pair(self) -> str:
         """Return the first far pair that touches on fresh seeds, or ""."""
@@ -625,9 +627,3 @@ def step_fraction(share: float | None, limit: float) -> float:
     """
     fallback_fraction = 0.6
     return min(fallback_fraction, limit / share) if share else fallback_fraction
-
-
-def _seed_range(budget: ErrorBudget) -> tuple[float, float]:
-    """Return the least and largest error over seeds, in the worst phase."""
-    seeds = max(budget.phases, key=lambda phase: phase.run.error).run.seeds
-    return float(seeds.min()), float(seeds.max())

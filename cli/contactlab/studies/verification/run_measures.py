@@ -121,7 +121,11 @@ def compare_run(
     """
     model = run.original.model
     scale = float(model.stat.meansize)
-    yield _count_failures(run, tables)
+    before, after = (float(table.failed.sum()) for table in (tables.original, tables.changed))
+    yield _build_measure(
+        "runs that the engine gave up", run.name, "1", before, after,
+        spread=0.0, tolerance=0.0, place="",
+    )  # fmt: skip
     if tables.original.failed.all() or tables.changed.failed.all():
         return
     good = ~(tables.original.failed | tables.changed.failed | tables.twin.failed)
@@ -183,13 +187,11 @@ def _compare_extremes(
         place = extremes[1].place
         if name in LIMIT_EXCESSES and not keeps_motion:
             # A body that is meant to move otherwise may meet a limit as hard as any soft limit is.
-            floor = max(floor, SOFT_LIMIT_SHARE * _range_of(model, place))
+            names = [name_of(model, "joint", each) for each in range(model.njnt)]
+            if place in names:
+                way = float(np.ptp(model.jnt_range[names.index(place)]))
+                floor = max(floor, SOFT_LIMIT_SHARE * way)
         yield average_measure(name, run.name, unit, values, floor, place, chaotic=chaotic)
-
-
-def _range_of(model: mujoco.MjModel, joint: str) -> float:
-    names = [name_of(model, "joint", each) for each in range(model.njnt)]
-    return float(np.ptp(model.jnt_range[names.index(joint)])) if joint in names else 0.0
 
 
 def _build_measure(
@@ -214,14 +216,6 @@ def _build_measure(
         place=place,
         worse=math.isfinite(before) and not after <= before + tolerance,
     )
-
-
-def _count_failures(run: PairedRun, tables: Tables) -> VerifiedMeasure:
-    before, after = (float(table.failed.sum()) for table in (tables.original, tables.changed))
-    return _build_measure(
-        "runs that the engine gave up", run.name, "1", before, after,
-        spread=0.0, tolerance=0.0, place="",
-    )  # fmt: skip
 
 
 def average_measure(
@@ -365,7 +359,11 @@ def _build_tracking(
     allowed: float,
 ) -> VerifiedMeasure:
     # The excursion is that of the actuator in the reference.
-    model, unit = run.original.model, _unit_of(run.original.model, actuator)
+    model = run.original.model
+    on_joint = model.actuator_trntype[actuator] == int(mujoco.mjtTrn.mjTRN_JOINT)
+    joint = int(model.actuator_trnid[actuator, 0])
+    turns = on_joint and model.jnt_type[joint] == int(mujoco.mjtJoint.mjJNT_HINGE)
+    unit = "rad" if turns else "m"
     floor = ENCODER_ANGLE if unit == "rad" else ENCODER_LENGTH * float(model.stat.meansize)
     share = max(TRACKING_TOLERANCE, allowed)
     return _build_measure(
@@ -394,13 +392,6 @@ def _compare_loop_tracking(
         )
         excursion = float(np.ptp(fine, axis=1).mean())
         yield _build_tracking(run, actuator, before, after, spread, excursion, allowed)
-
-
-def _unit_of(model: mujoco.MjModel, actuator: int) -> str:
-    on_joint = model.actuator_trntype[actuator] == int(mujoco.mjtTrn.mjTRN_JOINT)
-    joint = int(model.actuator_trnid[actuator, 0])
-    hinge = int(mujoco.mjtJoint.mjJNT_HINGE)
-    return "rad" if on_joint and model.jnt_type[joint] == hinge else "m"
 
 
 def _root_mean_square(values: Floats) -> float:

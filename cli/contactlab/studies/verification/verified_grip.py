@@ -36,12 +36,9 @@ def judge_verified_grip(request: GripRequest) -> GripReport:
         if found.passed:
             fixes[place] = fix.model_copy(update={"verification": found})
             return _recommend(report, fixes, "")
-        fixes[place] = _reject_fix(fix, found.sentence)
+        rejected = {"lines": (), "no_patch_reason": found.sentence}
+        fixes[place] = fix.model_copy(update=rejected)
     return _recommend(report, fixes, "each makes something worse")
-
-
-def _reject_fix(fix: GripFix, reason: str) -> GripFix:
-    return fix.model_copy(update={"lines": (), "no_patch_reason": reason})
 
 
 def _recommend(report: GripReport, fixes: Sequence[GripFix], reason: str) -> GripReport:
