@@ -13,6 +13,7 @@ from contactlab.errors import StoreError
 from contactlab.store import runs_table
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.stored_messages import unpack_chunk
+from contactlab.store.runs_table import TableLimits
 from contactlab.store.verify_store import find_problems
 
 
@@ -50,8 +51,8 @@ def test_a_table_has_no_more_rows_than_the_manifest_says(
 
 
 def test_a_row_is_of_bounded_size(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runs_table, "_MAX_TABLE_BYTES", 1 << 20)
-    monkeypatch.setattr(runs_table, "_MAX_ROW_BYTES", 1 << 10)
+    limits = TableLimits(most_bytes=1 << 20, most_row_bytes=1 << 10)
+    monkeypatch.setattr(runs_table, "LIMITS", limits)
     path = store / "runs.parquet"
     table = pq.read_table(path)
     reasons = pa.array([["x" * (500 << 10)]] * 3)

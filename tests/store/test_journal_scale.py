@@ -26,7 +26,7 @@ from contactlab.store.row_journal import (
     repair_journal,
     with_checksum,
 )
-from contactlab.store.runs_table import Digests, RowsDigest, digests_of, write_table
+from contactlab.store.runs_table import Digests, RowsDigest, TableLimits, digests_of, write_table
 from contactlab.store.table_layout import record_to_row, table_schema
 
 Write = Callable[[int], Path]
@@ -80,7 +80,7 @@ def test_a_table_in_parts_is_the_table(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(runs_table, "GROUP", group)
-    monkeypatch.setattr(runs_table, "_BLOCK_BYTES", block)
+    monkeypatch.setattr(runs_table, "LIMITS", TableLimits(block_bytes=block))
     path = write(0)
     schema = table_schema(columns_of([record_of(index) for index in range(RUNS)]))
     expected = at_once(path.with_name(JOURNAL), schema)
@@ -116,8 +116,9 @@ def test_what_rows_share_is_in_each_of_them(
     parts: tuple[int, int],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    for name, size in zip(("GROUP", "_BLOCK_BYTES"), parts, strict=True):
-        monkeypatch.setattr(runs_table, name, size)
+    group, block = parts
+    monkeypatch.setattr(runs_table, "GROUP", group)
+    monkeypatch.setattr(runs_table, "LIMITS", TableLimits(block_bytes=block))
     whole, records = write(0), [record_of(index) for index in range(RUNS)]
     jobs = jobs_of(lines, [1, 2, 3, 10, 4, 20, 20])
     journal, target = whole.with_name("jobs.jsonl"), whole.with_name("again.parquet")
@@ -158,7 +159,7 @@ def test_a_row_lacks_what_is_not_in_its_line(
     block: int,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(runs_table, "_BLOCK_BYTES", block)
+    monkeypatch.setattr(runs_table, "LIMITS", TableLimits(block_bytes=block))
     journal, target = write(0).with_name("some.jsonl"), write(0).with_name("some.parquet")
     columns, rng = columns_of([record_of(index) for index in range(RUNS)]), np.random.default_rng(1)
     names = rng.permutation([*json.loads(lines[0]).keys() - {"run_id", "index"}])
@@ -180,7 +181,7 @@ def test_the_table_does_not_depend_on_the_order_in_which_runs_finished(write: Wr
 
 def test_nor_on_how_much_is_read_at_once(write: Write, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = write(0).read_bytes()
-    monkeypatch.setattr(runs_table, "_BLOCK_BYTES", 5000)
+    monkeypatch.setattr(runs_table, "LIMITS", TableLimits(block_bytes=5000))
     assert write(0).read_bytes() == whole
 
 
@@ -199,7 +200,7 @@ def test_rows_have_one_digest_as_they_are_written_and_as_they_are_read(
     digests = set[object]()
     for group, block in ((1 << 16, 8 << 20), (7, 1), (25, 10_000)):
         monkeypatch.setattr(runs_table, "GROUP", group)
-        monkeypatch.setattr(runs_table, "_BLOCK_BYTES", block)
+        monkeypatch.setattr(runs_table, "LIMITS", TableLimits(block_bytes=block))
         digests.add(write_table(journal, target, columns_of(records), shared_part(records[0])))
         digests.add(digests_of(target))
     assert len(digests) == 1

@@ -10,7 +10,7 @@ import re
 from collections import Counter, defaultdict
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -40,18 +40,34 @@ from contactlab.store.table_layout import (
 OUTCOME_COLUMNS = ["label", "status", "trace_file", "expectation_met"]
 _COLUMNS_KEY = b"contactlab.columns"
 _SHARED_KEY = b"contactlab.shared"
-_MOST_GROUPS = 256  # row groups of a table; opening it decodes the metadata of all their columns
 GROUP = 1 << 14
 """Rows that are written at once, and read at once if some are needed: a row group or a part."""
-_BLOCK_BYTES = 8 << 20  # bytes of the journal that are parsed at once
-_BUFFER_BYTES = (
-    1 << 20
-)  # bytes of a table that are written at once; a column of few rows has 100 bytes
-_BATCH_ROWS = 256
 # Shared fields that depend on the machine, the day, and the name of the sweep.
 _STORE_FIELDS = ("started", "finished", "provenance", "sweep")
-_MAX_TABLE_BYTES, _MAX_ROW_BYTES = 1 << 30, 1 << 20
-"""Largest unpacked size of a table [bytes]: a base, plus a size per row."""
+
+
+@dataclass(frozen=True)
+class TableLimits:
+    """Limits that keep tables readable, and writing and reading them within some MiB.
+
+    Attributes:
+        most_groups: row groups of a table; opening it decodes the metadata of all their columns.
+        block_bytes: of the journal that are parsed at once.
+        buffer_bytes: of a table that are written at once; a column of few rows has 100 bytes.
+        batch_rows: that are read at once from one of several tables.
+        most_bytes: largest unpacked size of a table, plus `most_row_bytes` for each row.
+        most_row_bytes: see `most_bytes`.
+    """
+
+    most_groups: int = 256
+    block_bytes: int = 8 << 20
+    buffer_bytes: int = 1 << 20
+    batch_rows: int = 256
+    most_bytes: int = 1 << 30
+    most_row_bytes: int = 1 << 20
+
+
+LIMITS = TableLimits()
 
 
 class Digests(NamedTuple):
@@ -121,7 +137,7 @@ def _write_groups(
     )
     with (
         atomic_write(target) as temporary,
-        pa.output_stream(temporary, buffer_size=_BUFFER_BYTES) as sink,
+        pa.output_stream(temporary, buffer_size=LIMITS.buffer_bytes) as sink,
         pq.ParquetWriter(
             sink,
             schema.with_metadata(meta),
@@ -144,7 +160,7 @@ def _write_groups(
 def rows_of_group(runs: int) -> int:
     """Return the rows per row group in a table of `runs` rows; the last may have fewer."""
     size = GROUP
-    while runs > _MOST_GROUPS * size:
+    while runs > LIMITS.most_groups * size:
         size *= 2
     return size
 
@@ -170,7 +186,7 @@ def _merged_groups(sources: Mapping[Address, Path]) -> Iterator[pa.Table]:
     places = [_plan_indices(path) for path in sources.values()]
     order = np.argsort(np.concatenate(places), kind="stable")
     of_source = np.repeat(np.arange(len(places)), [len(part) for part in places])[order]
-    group, size = rows_of_group(len(order)), max(_BATCH_ROWS, GROUP // len(places))
+    group, size = rows_of_group(len(order)), max(LIMITS.batch_rows, GROUP // len(places))
     with ExitStack() as opened:
         readers = [
             _RowSource(opened.enter_context(pq.ParquetFile(path)), size)
@@ -295,7 +311,7 @@ def _line_spans(lines: BinaryIO) -> Iterator[tuple[int, int, int, int, int]]:
 
 def _line_blocks(lines: BinaryIO, spans: NDArray[np.void]) -> Iterator[bytes]:
     """Yield rows of a journal as blocks of whole lines of some MiB."""
-    block = (np.cumsum(spans["size"]) - spans["size"]) // _BLOCK_BYTES
+    block = (np.cumsum(spans["size"]) - spans["size"]) // LIMITS.block_bytes
     for part in np.split(spans, np.flatnonzero(np.diff(block)) + 1):
         where = zip(part["start"].tolist(), part["size"].tolist(), strict=True)
         yield b"\n".join([*(os.pread(lines.fileno(), size, start) for start, size in where), b""])
@@ -306,7 +322,7 @@ def write_compact_table(table: pa.Table, target: Path) -> None:
     fields = [field.with_metadata(_essential_metadata(field)) for field in table.schema]
     meta = {_SHARED_KEY: (table.schema.metadata or {})[_SHARED_KEY]}
     essential = pa.Table.from_arrays(table.columns, schema=pa.schema(fields, meta))
-    with pa.output_stream(target, buffer_size=_BUFFER_BYTES) as sink:
+    with pa.output_stream(target, buffer_size=LIMITS.buffer_bytes) as sink:
         pq.write_table(
             essential,
             sink,
@@ -333,11 +349,11 @@ def check_table_size(path: Path, runs: int) -> None:
         return
     if meta.num_rows > runs:
         raise StoreError(f"{path} is damaged: it has {meta.num_rows:,} rows for {runs:,} runs")
-    if meta.num_row_groups > 2 * _MOST_GROUPS:
+    if meta.num_row_groups > 2 * LIMITS.most_groups:
         groups = f"{meta.num_row_groups:,} row groups"
         raise StoreError(f"{path} is damaged: it has {groups} for {runs:,} runs")
     size = sum(meta.row_group(group).total_byte_size for group in range(meta.num_row_groups))
-    if size > _MAX_TABLE_BYTES + runs * _MAX_ROW_BYTES:
+    if size > LIMITS.most_bytes + runs * LIMITS.most_row_bytes:
         raise StoreError(f"{path} is damaged: its header declares {size:,} bytes")
 
 
@@ -349,7 +365,7 @@ def iterate_rows(path: Path, chosen: NDArray[np.bool_] | None = None) -> Iterato
             start = stop - sizes[group]
             if chosen is not None and not chosen[start:stop].any():
                 continue
-            for batch in batches_of(file, _BATCH_ROWS, groups=[group]):
+            for batch in batches_of(file, LIMITS.batch_rows, groups=[group]):
                 if chosen is None:
                     yield from batch.to_pylist()
                 elif (places := np.flatnonzero(chosen[start : start + len(batch)])).size:
