@@ -157,19 +157,22 @@ def test_every_generated_model_compiles_and_has_its_own_name() -> None:
 def test_the_run_finds_listed_faults_without_their_advisories(tmp_path: Path) -> None:
     request = FindRequest(["generated"], ("3.13.0", "4.0.0"))
     report = find_differences(request, Session(tmp_path / "found"))
-    found = {(group.stage, group.quantity) for group in report.groups}
-    assert {
-        ("compiler", "body_mass of the saved model"),
-        ("compiler", "body_pos of the saved model"),
-        ("compiler", "geom_friction of the saved model"),
-        ("compiler", "saved model is refused"),
-        ("compiler", "dof_M0"),
-        ("collision", "count of flex - plane"),
-        ("sensors", "accelerometer"),
-        ("sensors", "force"),
-        ("sensors", "torque"),
-        ("integration", "qpos"),
-        ("integration", "qvel"),
-    } <= found
+    found = {
+        group.quantity: {advisory[-2:] for advisory in group.listed} for group in report.groups
+    }
+    for quantity, number in {
+        "body_mass of the saved model": "11",
+        "body_pos of the saved model": "20",
+        "geom_friction of the saved model": "13",
+        "saved model is refused": "19",
+        "dof_M0": "12",
+        "count of flex - plane": "05",
+        "qacc": "01",
+        "accelerometer": "02",
+        "force": "04",
+        "qpos": "09",
+        "qvel": "15",
+    }.items():
+        assert number in found[quantity], quantity
     for group in report.groups:
         read_advisory(Path(group.draft))

@@ -70,13 +70,14 @@ def describe_met_advisory(
     advisory: Advisory,
     engine: InstalledEngine = InstalledEngine(),  # noqa: B008 - immutable
     *,
-    verb: str = "meets",
+    verb: str = "",
     where: str = "",
 ) -> str:
     """Say in a sentence that a model meets an advisory, where it does, and how to avoid the fault.
 
-    The verb is weaker for a fault that a model may meet.
+    Without a verb, a model may meet a fault that occurs in some states only.
     """
+    verb = verb or ("may meet" if advisory.occurs else "meets")
     fixed = advisory.find_fixed_release(engine.version)
     state = f"fixed in {fixed}" if fixed else "not fixed yet"
     known = f"{advisory.severity} in {advisory.engine} {engine.version}, {state}"

@@ -26,6 +26,9 @@ class DifferenceGroup(Model):
     reason: str = about("The computation that decides, or why nothing does.")
     bodies: int = about("Number of bodies of the smallest model found.")
     draft: str = about("File of the drafted advisory.")
+    listed: tuple[str, ...] = about(
+        "Listed advisories that one of the releases has, and that this model meets.", default=()
+    )
 
 
 class DifferencesReport(ReportModel):

@@ -2,7 +2,7 @@
 
 import re
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -62,27 +62,40 @@ class Difference(NamedTuple):
         return self.stage, self.kind
 
 
-def find_difference(model: mujoco.MjModel, first: Windows, second: Windows) -> Difference | None:
-    """Return the first difference of windows of a model from common states, or None."""
+def list_differences(
+    model: mujoco.MjModel, first: Windows, second: Windows
+) -> Iterator[Difference]:
+    """Yield the first difference of windows from common states, and those of other causes.
+
+    A saved model says nothing about the steps of the original one. A solution of constraints is
+    compared with that of the same release, so contacts may differ before.
+    """
     if found := _find_compiled_difference(first.compiled, second.compiled, ""):
-        return found
+        yield found
+        return
     if isinstance(first.saved, str) or isinstance(second.saved, str):
         refused = isinstance(first.saved, str), isinstance(second.saved, str)
         if refused[0] != refused[1]:
-            return Difference(COMPILER, SAVED, f"{SAVED} is refused", 0, *map(float, refused))
+            yield Difference(COMPILER, SAVED, f"{SAVED} is refused", 0, *map(float, refused))
     elif found := _find_compiled_difference(first.saved, second.saved, SAVED):
-        return found
+        yield found
     states = ForwardStates(model, range(len(first.ends)), first.exact, second.exact, first.rounded)
+    solved = _find_solver_difference(first, second)
     if found := states.first_divergence():
         kind = _name_kind(model, found.quantity)
         values = (np.nan if value is None else value for value in (found.mujoco, found.engine))
-        return Difference(STAGES[found.stage], found.quantity, kind, found.step, *values)
+        stage = STAGES[found.stage]
+        yield Difference(stage, found.quantity, kind, found.step, *values)
+        if solved and stage not in _SOLVED:
+            yield solved
+        return
     skipped = states.ambiguous_steps()
-    return (
-        _find_solver_difference(first, second)
+    if (
+        last := solved
         or _find_sensor_difference(model, first, second, skipped)
         or _find_integration_difference(model, first, second, skipped)
-    )
+    ):
+        yield last
 
 
 def _find_solver_difference(first: Windows, second: Windows) -> Difference | None:
@@ -252,20 +265,19 @@ class DifferenceTrials:
     def still_fails(self, model: FailingModel) -> bool:
         """Return whether the releases differ in this model in the same way."""
         if model.text not in self._known and not self.over:
-            found = self.compare_releases(model)
-            self._known[model.text] = found is not None and found[0].key == self.key
+            self._known[model.text] = self.compare_releases(model) is not None
         return self._known.get(model.text, False)
 
     def compare_releases(self, model: FailingModel) -> tuple[Difference, Windows, Windows] | None:
-        """Return the first difference in a model from its start, with the windows."""
+        """Return the difference of the key in a model from its start, with the windows."""
         try:
             compiled = model.compile_spec()
             states = [state_of(model.start, compiled)]
             windows = self.first(model.text, states), self.second(model.text, states)
         except (EngineError, ValueError, mujoco.FatalError):
             return None
-        found = find_difference(compiled, *windows)
-        return None if found is None else (found, *windows)
+        found = (each for each in list_differences(compiled, *windows) if each.key == self.key)
+        return next(((each, *windows) for each in found), None)
 
 
 def state_of(start: Start, model: mujoco.MjModel) -> State:

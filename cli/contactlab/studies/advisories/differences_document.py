@@ -25,6 +25,7 @@ def describe_differences(report: DifferencesReport) -> Document:
             group.second,
             group.bodies,
             group.draft.rpartition("/")[2],
+            ", ".join(group.listed),
         )
         for group in report.groups
     ]
@@ -34,7 +35,7 @@ def describe_differences(report: DifferencesReport) -> Document:
         [
             Headline(report.headline),
             Sentence(f"{report.states} states, each with a window of steps under both releases"),
-            table_of((*heads, "bodies", "draft"), rows),
+            table_of((*heads, "bodies", "draft", "listed as"), rows),
             *([Items(refused, "not compared")] if refused else []),
         ]
     )

@@ -3,6 +3,7 @@
 import math
 import time
 import warnings
+import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from io import StringIO
@@ -13,18 +14,23 @@ import mujoco
 from ruamel.yaml import YAML
 from ruamel.yaml.scalarstring import LiteralScalarString
 
+from contactlab.advisories.advisory_files import list_advisories
+from contactlab.advisories.field_expressions import ModelFacts
+from contactlab.advisories.met_advisories import may_meet
 from contactlab.errors import ContactlabError, EngineError
 from contactlab.run.sweep_request import SceneLoader
+from contactlab.scene.model_xml import list_elements
 from contactlab.schema.differences_report import DifferenceGroup, DifferencesReport, RefusedModel
 from contactlab.studies.advisories.corpus import CorpusModel, list_models
 from contactlab.studies.advisories.differences import (
+    COMPILER,
     INTEGRATION,
     SAVED,
     STAGES,
     Difference,
     DifferenceTrials,
     decide_fault,
-    find_difference,
+    list_differences,
     measure_of,
     shrink_difference,
     start_at,
@@ -99,14 +105,14 @@ def compare_engines(
         for member in list_models(request.models, Path(folder)):
             session.notify(member.name)
             try:
-                began, difference = _compare_model(member, engines, record)
+                began, differences = _compare_model(member, engines, record)
             except (ContactlabError, ValueError, KeyError, TypeError, mujoco.FatalError) as error:
                 reason = str(error).splitlines()[0] if str(error) else type(error).__name__
                 refused.append(RefusedModel(model=member.name, reason=reason))
                 continue
             compared, states = compared + 1, states + began
-            if difference is not None:
-                found.setdefault(difference.difference.key, {})[member.name] = difference
+            for each in differences:
+                found.setdefault(each.difference.key, {})[member.name] = each
     ordered = sorted(found, key=lambda key: (_ORDER.index(key[0]), -len(found[key]), key[1]))
     files, groups = dict[str, str](), list[DifferenceGroup]()
     for number, key in enumerate(ordered, 1):
@@ -129,7 +135,7 @@ def compare_engines(
 
 def _compare_model(
     member: CorpusModel, engines: tuple[Evaluate, Evaluate], record: Record
-) -> tuple[int, _Found | None]:
+) -> tuple[int, list[_Found]]:
     scene = SceneLoader(None).open(member.reference)
     run = scene.resolve({}, 0, None)
     start = scene.initial_states([run])
@@ -143,19 +149,20 @@ def _compare_model(
     states = record(text, begin, steps)
     if not states:
         raise EngineError("no finite state")
-    found = find_difference(compiled, *(evaluate(text, states) for evaluate in engines))
-    if found is None:
-        return len(states), None
-    state = states[found.place]
-    if found.stage == INTEGRATION:
-        # A later step of the window may differ in an earlier stage.
-        within = record(text, state, range(WINDOW_STEPS))
-        closer = find_difference(compiled, *(evaluate(text, within) for evaluate in engines))
-        if closer is not None and closer.stage != INTEGRATION:
-            found, state = closer, within[closer.place]
     whole = mujoco.MjModel.from_xml_string(flat)
-    model = FailingModel(flat, start_at(whole, state), WINDOW_STEPS * run.timestep)
-    return len(states), _Found(model, text, state, found)
+    listed = list[_Found]()
+    for each in list_differences(compiled, *(evaluate(text, states) for evaluate in engines)):
+        found, state = each, states[each.place]
+        if found.stage == INTEGRATION:
+            # A later step of the window may differ in an earlier stage.
+            within = record(text, state, range(WINDOW_STEPS))
+            windows = (evaluate(text, within) for evaluate in engines)
+            closer = next(list_differences(compiled, *windows), None)
+            if closer is not None and closer.stage != INTEGRATION:
+                found, state = closer, within[closer.place]
+        model = FailingModel(flat, start_at(whole, state), WINDOW_STEPS * run.timestep)
+        listed.append(_Found(model, text, state, found))
+    return len(states), listed
 
 
 def _report_group(
@@ -169,7 +176,7 @@ def _report_group(
     small = shrink_difference(smallest.model, trials)
     compared = trials.compare_releases(small)
     text, saved = small.text, SAVED in key[1]
-    if compared is None or compared[0].key != key:
+    if compared is None:
         text = smallest.text
         windows = [evaluate(text, [smallest.state]) for evaluate in engines]
         difference = smallest.difference._replace(place=0)
@@ -189,10 +196,31 @@ def _report_group(
         reason=reason,
         bodies=int(compiled.nbody) - 1,
         draft="",
+        listed=find_listed(text, compiled, request.releases, saved=saved),
     )
-    witness = {"model": LiteralScalarString(text if saved else write_start(text, state))}
-    witness |= {"saved": True} if saved else {"keyframe": START}
+    # Differences of compilers are in the text itself, which is lost if it is written again.
+    begins = key[0] != COMPILER
+    witness = {"model": LiteralScalarString(write_start(text, state) if begins else text)}
+    witness |= {"keyframe": START} if begins else {"saved": saved}
     return group, draft_advisory(group, request.releases, witness, compiled)
+
+
+def find_listed(
+    text: str, compiled: mujoco.MjModel, releases: tuple[str, str], *, saved: bool
+) -> tuple[str, ...]:
+    """Return the advisories that affect one of two releases only, and that a model meets.
+
+    A difference of a saved model is that of advisories about saved models.
+    """
+    root = ET.fromstring(text)  # noqa: S314 - MuJoCo has read it
+    facts = ModelFacts(compiled, list_elements=lambda: list_elements(root))
+    return tuple(
+        each.id
+        for each in list_advisories()
+        if each.witness.saved == saved
+        and len({each.affects_release(release) for release in releases}) > 1
+        and may_meet(each, facts)
+    )
 
 
 def write_start(text: str, state: State) -> str:
