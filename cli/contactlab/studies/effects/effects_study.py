@@ -152,6 +152,8 @@ class EffectsStudy:
             *(part.positions for part in reference.phases),
             *visited_positions(loaded, examined.threads),
         ]
+        # Distances of a configuration take as long as a few steps.
+        seconds = sum(map(len, positions)) * count_pace(motions)
         parts = find_parts(
             examined,
             self.base,
@@ -160,6 +162,7 @@ class EffectsStudy:
             request.keep,
             with_masks=not needs_masks(examined, self.runs.grips),
             far=request.far_distance,
+            offers_far=seconds < _PASS_SHARE * request.max_time,
         )
         keep = request.keep
         model = self.base

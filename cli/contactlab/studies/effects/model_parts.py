@@ -154,6 +154,7 @@ def find_parts(
     *,
     with_masks: bool,
     far: float | None = None,
+    offers_far: bool = True,
 ) -> list[ModelPart]:
     """Return the features and parts of a model, and whether any motion depends on each of them.
 
@@ -165,11 +166,16 @@ def find_parts(
         keep: names of parts that stay.
         with_masks: whether geoms that touch nothing may go: their file has all that they touch.
         far: pairs that stayed at least this far apart may go [m]; None to offer that only.
+        offers_far: whether there is time to offer it.
     """
     found = [
         *list_model_features(checked, motions[0].model, with_masks=with_masks),
         *_list_collisions(motions, positions, keep, with_masks=with_masks),
-        *_list_far_pairs(motions[0].model, positions, keep, far, with_masks=with_masks),
+        *(
+            _list_far_pairs(motions[0].model, positions, keep, far, with_masks=with_masks)
+            if offers_far or far is not None
+            else ()
+        ),
         *_list_limits_and_tendons(motions, keep),
         *_list_actuators(checked, motions[0]),
         *_list_sensors(model, keep),
