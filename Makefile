@@ -81,6 +81,10 @@ robot-wheels: .venv/dev
 sweeps/index.json: .venv/dev sweeps/*.yaml
 	$(BIN)/python -m tests.commands.sweep_index
 
+# The shipped advisories, which lint reads without parsing YAML.
+advisories/index.json: .venv/dev advisories/*.yaml
+	$(BIN)/python -m tests.advisories.advisory_index
+
 # The script of pages that simulate, with MuJoCo's WebAssembly: takes npm.
 live: $(LIVE)
 
