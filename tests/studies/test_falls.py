@@ -1,0 +1,35 @@
+"""A driven robot that falls from its start is a fact, unless its start is a known cause."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from contactlab.budget import Motion
+from contactlab.schema.examination import Cause
+from contactlab.studies.examine.standing_starts import list_falls
+
+# A trunk on two thin legs, which only a strong hip keeps below it.
+_WALKER = """<mujoco><option timestep=".002"/><worldbody><geom type="plane" size="2 2 .1"/>
+<body name="trunk" pos="0 0 .5"><freejoint/><geom type="box" size=".1 .1 .05" mass="5"/>
+<body pos="0 0 -.05"><joint name="hip" axis="0 1 0" stiffness="{stiffness}" damping="5"/>
+<geom type="box" pos="0 0 -.2" size=".{foot} .1 .24" mass="1"/></body></body></worldbody>
+<actuator><motor joint="hip"/></actuator></mujoco>"""
+
+
+def make_motion(foot: str, stiffness: float) -> Motion:
+    model = mujoco.MjModel.from_xml_string(_WALKER.format(foot=foot, stiffness=stiffness))
+    data = mujoco.MjData(model)
+    data.qpos[7] = 0.0 if stiffness else 0.2
+    kind = mujoco.mjtState.mjSTATE_INTEGRATION
+    start = np.empty(mujoco.mj_stateSize(model, kind))
+    mujoco.mj_getState(model, data, start, kind)
+    return Motion(model, start[None], np.zeros((1, 1000, model.nu)))
+
+
+@pytest.mark.parametrize(("foot", "stiffness", "falls"), [("02", 0, True), ("2", 1e4, False)])
+def test_a_fall_is_a_fact(foot: str, stiffness: float, falls: bool) -> None:
+    motion = make_motion(foot, stiffness)
+    found = list(list_falls(motion, []))
+    assert [fact.kind for fact in found] == ["fall"] * falls
+    assert all(fact.place == "trunk" and fact.value > 0.1 for fact in found)
+    assert not list(list_falls(motion, [Cause(stage="start", sentence="it begins in the air")]))
