@@ -113,7 +113,7 @@ class TriedFix:
 def candidates_against(motions: Sequence[Motion], verdict: Verdict) -> tuple[Candidate, ...]:
     """Return candidates: first changes of the computation, then of fields of named parts."""
     model, changes = motions[0].model, field_changes(motions, verdict)
-    usual = (*list_candidates(), *_finer(model, verdict))
+    usual = (*list_candidates(), *_refine_further(model, verdict))
     if verdict.word == "depends":
         return (*usual, *without_margins(model), *changes, *harder(model, changes))
     held = _held_constants(model) if raises_time_constants(model) else ()
@@ -141,7 +141,7 @@ def _held_constants(model: mujoco.MjModel) -> Iterator[Candidate]:
     """
     least, fix = 2 * float(model.opt.timestep), find_part_fix("solref-step")
     values = [
-        FieldValue(field, (row,), _axis(model, field, row), (least, float(solref[row, 1])))
+        FieldValue(field, (row,), _name_axis(model, field, row), (least, float(solref[row, 1])))
         for field in fix.fields
         for solref in [getattr(model, field)]
         for short in [find_used_rows(model, field) & (solref[:, 0] > 0) & (solref[:, 0] < least)]
@@ -157,7 +157,7 @@ def _held_constants(model: mujoco.MjModel) -> Iterator[Candidate]:
         yield replace(made, exercised=fix.exercised, must_come_nearer=False)
 
 
-def _axis(model: mujoco.MjModel, field: str, row: int) -> str:
+def _name_axis(model: mujoco.MjModel, field: str, row: int) -> str:
     index = int(model.dof_jntid[row]) if field.startswith("dof_") else row
     return f"{field}[{name_of(model, FIELD_KINDS[field.partition('_')[0]], index)}]"
 
@@ -202,7 +202,7 @@ def _hardest_solimp(model: mujoco.MjModel, value: FieldValue) -> FieldValue:
     return FieldValue(field, value.place, axis, (_MAX_IMPEDANCE, _MAX_IMPEDANCE, *own[2:]))
 
 
-def _finer(model: mujoco.MjModel, verdict: Verdict) -> Iterator[Candidate]:
+def _refine_further(model: mujoco.MjModel, verdict: Verdict) -> Iterator[Candidate]:
     """Yield a step below an eighth of the run's, if one is needed.
 
     If refsafe raises time constants, it is half of the shortest. Otherwise the error is taken to be
@@ -399,7 +399,7 @@ def _is_possible(
         return False
     if not all(candidate.applies(motion.model) for motion in motions):
         return False
-    return not candidate.exercised or _exercised(candidate.exercised, motions)
+    return not candidate.exercised or _is_exercised(candidate.exercised, motions)
 
 
 class _FixJudge(NamedTuple):
@@ -413,25 +413,25 @@ class _FixJudge(NamedTuple):
     pace: float  # counted time of a step of the model [s]
 
     @property
-    def _settings(self) -> Settings:
+    def _trial_settings(self) -> Settings:
         workers = self.trial.workers or os.cpu_count() or 1
         return replace(self.trial.settings, places=False, timed=False, workers=workers)
 
     @property
-    def _quick(self) -> Settings:
-        return replace(self._settings, check=False, energy=False)
+    def _quick_settings(self) -> Settings:
+        return replace(self._trial_settings, check=False, energy=False)
 
     @property
-    def _phases(self) -> set[str]:
+    def _failed_phases(self) -> set[str]:
         """Phases that failed."""
         return {reason.phase for reason in self.verdict.reasons}
 
     @property
-    def _wrong(self) -> list[Motion]:
+    def _failed_motions(self) -> list[Motion]:
         """Motions in phases that failed."""
-        return [motion for motion in self.motions if motion.name in self._phases]
+        return [motion for motion in self.motions if motion.name in self._failed_phases]
 
-    def _affords(self, steps: float) -> bool:
+    def _can_afford(self, steps: float) -> bool:
         """Return whether there is time for a number of steps of the model."""
         return steps * self.pace <= self.trial.left()
 
@@ -468,26 +468,28 @@ class _FixJudge(NamedTuple):
         """
         finest = max(FINEST, *(candidate.rate for candidate in candidates), 1)
         rates = 2 * finest + 1 + sum(candidate.rate for candidate in candidates)
-        if not self.trial.requested and not self._affords(rates * steps_of(self._wrong)):
+        if not self.trial.requested and not self._can_afford(
+            rates * steps_of(self._failed_motions)
+        ):
             return None
         found = np.zeros(1 + len(candidates))
-        for motion in self._wrong:
+        for motion in self._failed_motions:
             rivals = [ChangedModel(motion.model)]
             rivals += [
                 ChangedModel(changed_model(motion.model, one), one.rate) for one in candidates
             ]
-            target = partial(self._meant, own=motion.model)
+            target = partial(self._make_reference, own=motion.model)
             apart = distances_to_reference(
                 motion,
                 rivals,
-                settings=self._settings,
+                settings=self._trial_settings,
                 target=target,
                 finest=finest,
             )
             found = np.maximum(found, apart)
         return found.tolist()
 
-    def _meant(self, model: mujoco.MjModel, own: mujoco.MjModel) -> None:
+    def _make_reference(self, model: mujoco.MjModel, own: mujoco.MjModel) -> None:
         """Change the model of the finest motion into the reference, in place."""
         if self.word != "depends":
             return
@@ -511,18 +513,21 @@ class _FixJudge(NamedTuple):
         enough = before if candidate.changes_model else min(before, self.verdict.tolerance)
         word, shares, removes, safely = self.verdict.word, list[float](), False, True
         first, harms, sound = self.motions[0], False, True
-        repeated = replace(self._settings, check=self.word != "depends", energy=False)
+        repeated = replace(self._trial_settings, check=self.word != "depends", energy=False)
         options = options_changed(first.model, changed_model(first.model, candidate))
         edits = replace(candidate.edits, settings={**options, **candidate.edits.settings})
         if not candidate.must_come_nearer or math.isinf(before) or apart < enough:
             steps = steps_of(self.motions) * candidate.rate * (2 if self.trial.moved else 1)
-            for place, (motions, is_new) in enumerate(self._parts(candidate)):
-                settings = repeated if is_new and sound else self._settings
+            for place, (motions, is_new) in enumerate(self._change_motions_by_group(candidate)):
+                settings = repeated if is_new and sound else self._trial_settings
                 looked = self._look_first(motions, settings)
                 if looked is None:
                     return self.not_ended(candidate)
                 phases, budget, found = looked
-                removes, screened = self._removes(found), self.word == "depends" and not place
+                removes, screened = (
+                    self._removes_verdict(found),
+                    self.word == "depends" and not place,
+                )
                 harms = removes and screened and self.trial.finds_harm(candidate, edits)
                 if removes and not harms:
                     measured = self._budget_of(phases, motions, steps)
@@ -535,14 +540,14 @@ class _FixJudge(NamedTuple):
                 steps -= steps_of(motions)
                 worst = budget.worst(row)
                 shares += [worst[1].error] if worst and worst[1].exercised else []
-                word, removes = found.word, self._removes(found)
-                safely &= self._removes(judge(budget, _SAFE_SHARE * self.verdict.tolerance))
+                word, removes = found.word, self._removes_verdict(found)
+                safely &= self._removes_verdict(judge(budget, _SAFE_SHARE * self.verdict.tolerance))
                 if not removes or harms:
                     break
         # If the changed model no longer has the row, its distance to the reference remains.
         share = max(shares, default=apart if candidate.must_come_nearer else math.nan)
         timed = removes and not harms and candidate.same_states
-        ratio = _measure_time_ratio(first, candidate, self._settings) if timed else None
+        ratio = _measure_time_ratio(first, candidate, self._trial_settings) if timed else None
         cost = _count_cost(first, candidate) if timed else math.inf
         return TriedFix(
             name=candidate.name,
@@ -559,24 +564,26 @@ class _FixJudge(NamedTuple):
             cost=cost,
         )
 
-    def _parts(self, candidate: Candidate) -> Iterator[tuple[Sequence[Motion], bool]]:
+    def _change_motions_by_group(
+        self, candidate: Candidate
+    ) -> Iterator[tuple[Sequence[Motion], bool]]:
         """Yield motions of a changed model, and whether they have new seeds.
 
         Phases that failed come first.
         """
-        moved = self.trial.moved or self._same
+        moved = self.trial.moved or self._change_motions
         for place, group in enumerate(moved(candidate)):
             if place:
                 yield group, True
                 continue
-            named = [motion for motion in group if motion.name in self._phases]
-            others = [motion for motion in group if motion.name not in self._phases]
+            named = [motion for motion in group if motion.name in self._failed_phases]
+            others = [motion for motion in group if motion.name not in self._failed_phases]
             yield from ((some, False) for some in (named, others) if some)
 
-    def _same(self, candidate: Candidate) -> Iterator[Sequence[Motion]]:
+    def _change_motions(self, candidate: Candidate) -> Iterator[Sequence[Motion]]:
         yield [changed(motion, candidate) for motion in self.motions]
 
-    def _removes(self, found: Verdict) -> bool:
+    def _removes_verdict(self, found: Verdict) -> bool:
         return found.word == "ok" or (self.word == "inaccurate" and found.word == "depends")
 
     def _look_first(
@@ -600,7 +607,9 @@ class _FixJudge(NamedTuple):
         phases, begun = list[PhaseMeasure](), [None for _ in motions]
         budget, found = ErrorBudget(()), self.verdict
         for some, most in ((first, 2 * seeds), (motions, 2)):
-            if not self._affords(evaluations(model, self._quick, rows) * steps_of(some)):
+            if not self._can_afford(
+                evaluations(model, self._quick_settings, rows) * steps_of(some)
+            ):
                 return None
             begun = [phase.looked for phase in phases] or begun
             phases.clear()  # so that those of one seed end before others begin
@@ -610,7 +619,7 @@ class _FixJudge(NamedTuple):
             ]
             budget = ErrorBudget(tuple(phase.first_look() for phase in phases))
             found = judge(budget, most * within)
-            if not self._removes(found):
+            if not self._removes_verdict(found):
                 break
         return phases, budget, found
 
@@ -623,8 +632,10 @@ class _FixJudge(NamedTuple):
         """
         model = motions[0].model
         rows = [row for row in list_rows() if row.name in self.rows]
-        whole = evaluations(model, self._settings, rows, drifts=drifts(self.verdict)) * steps
-        if not self._affords(whole - evaluations(model, self._quick, rows) * steps_of(motions)):
+        whole = evaluations(model, self._trial_settings, rows, drifts=drifts(self.verdict)) * steps
+        if not self._can_afford(
+            whole - evaluations(model, self._quick_settings, rows) * steps_of(motions)
+        ):
             return None
         budget = ErrorBudget(tuple(phase.budget() for phase in phases))
         return budget, judge(budget, self.verdict.tolerance)
@@ -643,7 +654,7 @@ def options_changed(model: mujoco.MjModel, changed: mujoco.MjModel) -> dict[str,
     return options | {name: on for name, on in flags.items() if on != read_flag(model, name)}
 
 
-def _exercised(name: str, motions: Sequence[Motion]) -> bool:
+def _is_exercised(name: str, motions: Sequence[Motion]) -> bool:
     row = find_row(name)
     return any(row.applies(motion.model) and exercised_rows(motion, [row]) for motion in motions)
 

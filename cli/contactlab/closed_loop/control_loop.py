@@ -150,9 +150,9 @@ class LoopRows:
         first = self.loop.delay[1]
         for _ in range(periods):
             self.waiting.append(self.ask_policy())
-            self._step(first)
+            self._make_step(first)
             self.controls = self.waiting.pop(0)
-            self._step(self.loop.substeps - first)
+            self._make_step(self.loop.substeps - first)
             if not all(np.isfinite(data.qvel).all() for data in self.data):
                 return False
         return not any(data.warning.number.any() for data in self.data)
@@ -216,7 +216,7 @@ class LoopRows:
         about = wanted[:1] if self.loop.gain > 1 else first[None]
         return about + self.loop.gain * (wanted - about)
 
-    def _step(self, count: int) -> None:
+    def _make_step(self, count: int) -> None:
         if count:
             for data, control in zip(self.data, self.controls, strict=True):
                 data.ctrl[:] = control

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from contactlab.writers import Report
 
 
-def _fail(report: "LintReport", given: Given) -> ContactlabError | None:
+def _find_failure(report: "LintReport", given: Given) -> ContactlabError | None:
     # The findings and their number are printed already.
     del given
     return None if report.passed else ExpectationError("")
@@ -31,7 +31,7 @@ def _list_findings(report: "LintReport", given: Given) -> "Report":
 
 @command(
     "examine",
-    failure=_fail,
+    failure=_find_failure,
     keeps="nothing",
     examples=("lint robot.xml", "lint models/*.xml --format sarif"),
     formats={

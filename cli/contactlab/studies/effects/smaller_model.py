@@ -75,7 +75,10 @@ class SmallerSearch:
         while chosen:
             parts = [one.part for one in chosen]
             error = self._estimate_joint_error(parts)
-            if error is not None and error.error > LOAD_MARGIN * self._original.task.tolerance:
+            if (
+                error is not None
+                and error.error > LOAD_MARGIN * self._original_model.task.tolerance
+            ):
                 self._put_back(chosen, f"together they differ by {error.error:.2g} in {error.body}")
                 continue
             edits = ModelEdits()
@@ -87,7 +90,9 @@ class SmallerSearch:
                 (cost,) = self.clock.count_costs([(made, 1)])
                 if cost > 1 - LEAST_SAVING:
                     return None
-                written = write_model(self._original.scene, edits, self._folder, self._name)
+                written = write_model(
+                    self._original_model.scene, edits, self._written_folder, self._written_name
+                )
             except SceneError as refused:
                 self._put_back(chosen, str(refused).splitlines()[0])
                 continue
@@ -117,15 +122,15 @@ class SmallerSearch:
         return None
 
     @property
-    def _original(self) -> CheckedModel:
+    def _original_model(self) -> CheckedModel:
         return self.scenarios.models[0]
 
     @property
-    def _folder(self) -> Path:
+    def _written_folder(self) -> Path:
         return self.session.folder / FOLDER if self.write is None else self.write.parent
 
     @property
-    def _name(self) -> str:
+    def _written_name(self) -> str:
         return "" if self.write is None else self.write.name
 
     def _file_of(self, written: WrittenModel) -> str:
@@ -135,7 +140,7 @@ class SmallerSearch:
 
     def _discard_files(self, written: WrittenModel) -> None:
         if self.write is None:
-            rmtree(self._folder, ignore_errors=True)
+            rmtree(self._written_folder, ignore_errors=True)
             return
         for path in (written.path, written.path.with_suffix(".patch")):
             path.unlink(missing_ok=True)
@@ -153,12 +158,12 @@ class SmallerSearch:
 
     def _compile_without(self, edits: ModelEdits, parts: Sequence[ModelPart]) -> mujoco.MjModel:
         if any(part.recompiles for part in parts):
-            return compile_changed(self._original, edits)
+            return compile_changed(self._original_model, edits)
         return change_model(self.base, *(part.change for part in parts))
 
     def _verify_model(self, changed: CheckedModel) -> tuple[VerifiedChange | None, str, bool]:
         # There are no measures if each bit of the motion is equal.
-        original = self._original
+        original = self._original_model
         self.session.notify("verifying the smaller model")
         if self._moves_alike(changed):
             grips = compare_grips(original, changed, self.runs.grips)
@@ -181,8 +186,8 @@ class SmallerSearch:
         return found, found.sentence, found.passed and not found.ended_early
 
     def _moves_alike(self, changed: CheckedModel) -> bool:
-        pairs = zip(_load_motions(self._original), _load_motions(changed), strict=True)
-        threads = self._original.threads
+        pairs = zip(_load_motions(self._original_model), _load_motions(changed), strict=True)
+        threads = self._original_model.threads
         return all(
             all(map(eq, state_bytes([own], threads), state_bytes([other], threads)))
             for own, other in pairs
@@ -197,11 +202,11 @@ class SmallerSearch:
         return ratio
 
     def _list_tasks(self) -> Iterator[Sequence[Motion]]:
-        yield self._original.motions
-        task = self._original.task
+        yield self._original_model.motions
+        task = self._original_model.task
         for _ in range(6):  # seeds differ more than turns do
             task = with_new_seeds(task)
-            yield self._original.motions_of(task)
+            yield self._original_model.motions_of(task)
 
 
 def _load_motions(checked: CheckedModel) -> Iterator[Motion]:

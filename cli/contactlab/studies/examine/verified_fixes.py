@@ -53,7 +53,7 @@ class FixVerifier:
     def finds_harm(self, search: FixSearch, candidate: Candidate, edits: ModelEdits) -> bool:
         """Return whether a load rejects a fix against the verdict, before it is judged further."""
         whole = search.whole_edits(edits)
-        request = self._request(search, candidate.name, whole, self.left, removes_verdict=True)
+        request = self._make_request(search, candidate.name, whole, self.left, removes_verdict=True)
         self._begun[candidate.name] = Verification(request)
         harms = self._begun[candidate.name].run_loads()
         if harms:
@@ -72,10 +72,10 @@ class FixVerifier:
             first = first_fix(fixes)
             edits = search.find_edits(first.name)
             removes_verdict = first.removes == "verdict"
-            request = self._request(
+            request = self._make_request(
                 search, first.name, edits, self.left, removes_verdict=removes_verdict
             )
-            found = self._verify(first.name, request)
+            found = self._verify_once(first.name, request)
             if found.passed:
                 verified = first.model_copy(update={"verification": found})
                 return tuple(verified if fix is first else fix for fix in fixes)
@@ -100,10 +100,10 @@ class FixVerifier:
             if reason:
                 return None, reason
             removes_verdict = name not in {fix.name for fix in search.without_labels}
-            request = self._request(
+            request = self._make_request(
                 search, name, edits, lambda: math.inf, removes_verdict=removes_verdict
             )
-            found = self._verify(name, request)
+            found = self._verify_once(name, request)
             if found.passed:
                 return search.write_edits(edits, file.parent, file.name).path, ""
             if requested:
@@ -119,7 +119,7 @@ class FixVerifier:
         # Numerics cause these labels of the original.
         return {label.label for label in self.labels if NUMERICAL_CAUSE in label.reason}
 
-    def _request(
+    def _make_request(
         self,
         search: FixSearch,
         name: str,
@@ -154,7 +154,7 @@ class FixVerifier:
             left=left,
         )
 
-    def _verify(self, name: str, request: VerificationRequest) -> VerifiedChange:
+    def _verify_once(self, name: str, request: VerificationRequest) -> VerifiedChange:
         known = self._known.get(name)
         if known is not None and not known.ended_early:
             return known

@@ -141,7 +141,7 @@ class LintedModel:
     @cached_property
     def is_urdf(self) -> bool:
         """Whether the main file is a URDF."""
-        return self._roots[self.main].tag == "robot"
+        return self._file_roots[self.main].tag == "robot"
 
     @cached_property
     def starts(self) -> Mapping[str, mujoco.MjData]:
@@ -229,7 +229,7 @@ class LintedModel:
         """Return the edit that adds an element at the end of MJCF's main file."""
         if self.is_urdf:
             return ()
-        data, (root, *_) = self._texts[self.main], self._elements[self.main]
+        data, (root, *_) = self._file_texts[self.main], self._elements[self.main]
         line = ET.tostring(element, encoding="unicode").replace(" />", "/>")
         if b"</" not in data[root.inner : root.end]:
             return ()
@@ -238,18 +238,18 @@ class LintedModel:
         return (Edit(Place(self.main, number, number), line, replacement),)
 
     @cached_property
-    def _texts(self) -> Mapping[Path, bytes]:
+    def _file_texts(self) -> Mapping[Path, bytes]:
         root = self.source.content.root
         files = [root / file for file in self.source.content.files]
         return {file: file.read_bytes() for file in files if file.suffix in MODEL_SUFFIXES}
 
     @cached_property
-    def _roots(self) -> Mapping[Path, ET.Element]:
-        return {file: parse(file) for file in self._texts}
+    def _file_roots(self) -> Mapping[Path, ET.Element]:
+        return {file: parse(file) for file in self._file_texts}
 
     @cached_property
     def _elements(self) -> Mapping[Path, list[ElementText]]:
-        return {file: elements_of(text) for file, text in self._texts.items()}
+        return {file: elements_of(text) for file, text in self._file_texts.items()}
 
     def _find_origin(self, kind: str, name: str | int) -> Origin | None:
         named = self.name(kind, name) if isinstance(name, int) else name
@@ -258,7 +258,7 @@ class LintedModel:
     def place_at(self, origin: Origin | None) -> Place:
         """Return the line of an element, or the first of the main file."""
         file, number = origin or (self.main, 0)
-        data, element = self._texts[file], self._elements[file][number]
+        data, element = self._file_texts[file], self._elements[file][number]
         return Place(file, line_of(data, element.start), line_of(data, element.inner - 1))
 
     def set_at(self, origin: Origin | None, values: Mapping[str, str]) -> tuple[Edit, ...]:
@@ -266,18 +266,18 @@ class LintedModel:
         if origin is None or self.is_urdf:
             return ()
         file, element = origin
-        change = with_attributes(self._texts[file], self._elements[file][element], values)
+        change = with_attributes(self._file_texts[file], self._elements[file][element], values)
         text = " ".join(change.text.decode(errors="replace").split())
         return (Edit(self.place_at(origin), text, change),)
 
     @cached_property
     def elements(self) -> Elements:
         """Elements of all model files, with their paths and attributes."""
-        return [found for root in self._roots.values() for found in list_elements(root)]
+        return [found for root in self._file_roots.values() for found in list_elements(root)]
 
     def tags(self) -> Iterator[tuple[ET.Element, Origin]]:
         """Yield every element of the scene's files as written, with its origin."""
-        for file, root in self._roots.items():
+        for file, root in self._file_roots.items():
             for place, element in enumerate(root.iter()):
                 yield element, (file, place)
 

@@ -40,13 +40,13 @@ class RunCache:
     decided_by: Sequence[object]
 
     @cached_property
-    def _decided(self) -> list[object]:
+    def _deciding_values(self) -> list[object]:
         code = hash_of_packages(["contactlab"], ADAPTERS), *map(str, loaded_plugins())
         return [*code, *self.decided_by]
 
     def key(self, ours: str, theirs: str) -> str:
         """Return the key of a run, from its ids for MuJoCo and for the engine."""
-        return hashlib.sha256(to_json([*self._decided, ours, theirs])).hexdigest()[:32]
+        return hashlib.sha256(to_json([*self._deciding_values, ours, theirs])).hexdigest()[:32]
 
     def find(self, keys: Mapping[str, str]) -> dict[str, ComparedRun]:
         """Return the stored runs by run id, for keys by run id."""

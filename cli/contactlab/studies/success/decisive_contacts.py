@@ -178,7 +178,7 @@ class DecisiveContacts:
         self.pairs: tuple[PairShare, ...] = ()
 
     @cached_property
-    def _sides(self) -> dict[str, tuple[Bodies, Bodies]]:
+    def _pair_sides(self) -> dict[str, tuple[Bodies, Bodies]]:
         owner = np.asarray(self._base.model.geom_bodyid)
         return {
             pair.name: (
@@ -189,7 +189,7 @@ class DecisiveContacts:
         }
 
     @cached_property
-    def _touching(self) -> dict[str, Sides]:
+    def _find_touching(self) -> dict[str, Sides]:
         # The geoms of each pair that may touch.
         touch = touch_mask(self._base.model)
         touching = {pair.name: colliding_geoms(touch, pair) for pair in self._base.pairs}
@@ -199,11 +199,11 @@ class DecisiveContacts:
         }
 
     @cached_property
-    def _thicknesses(self) -> dict[str, float]:
+    def _pair_thicknesses(self) -> dict[str, float]:
         halves = half_extents(self._base.model)
         return {
             name: 2 * float(halves[[*sides[0], *sides[1]]].min(initial=np.inf))
-            for name, sides in self._touching.items()
+            for name, sides in self._find_touching.items()
         }
 
     @property
@@ -240,7 +240,7 @@ class DecisiveContacts:
 
     def _touched_things(self, impulses: dict[str, float]) -> Bodies:
         things, reached = self.parts.things, set(self.parts.agents)
-        loaded = [self._sides[name] for name, value in impulses.items() if value > 0]
+        loaded = [self._pair_sides[name] for name, value in impulses.items() if value > 0]
         while True:
             more = {
                 body
@@ -255,7 +255,7 @@ class DecisiveContacts:
         return frozenset(reached & things) or self.parts.agents
 
     def _is_decisive(self, pair: str) -> bool:
-        return any(not side.isdisjoint(self.objects) for side in self._sides[pair])
+        return any(not side.isdisjoint(self.objects) for side in self._pair_sides[pair])
 
     def judge_episode(
         self, labels: Iterable[LabelEntry], trace: StoredTrace | None
@@ -271,7 +271,7 @@ class DecisiveContacts:
         for pair in trace.pairs if trace else ():
             if trace and self._is_decisive(pair.name) and len(pair.steps):
                 depths.append(self._find_lasting_depth(pair, trace.time))
-                found = find_holds(self._base.model, self._touching[pair.name], pair, trace)
+                found = find_holds(self._base.model, self._find_touching[pair.name], pair, trace)
                 holds += [(hold, pair.name) for hold in found]
         if (deepest := max(depths)).amount > self._limit:
             part = format_percent(deepest.amount)
@@ -289,7 +289,7 @@ class DecisiveContacts:
         width = min(max(1, round(SUSTAINED_SECONDS / float(times[1] - times[0]))), len(depths))
         lasting = np.lib.stride_tricks.sliding_window_view(depths, width).min(axis=1)
         deepest = int(lasting.argmax())
-        share = float(lasting[deepest]) / self._thicknesses[pair.name]
+        share = float(lasting[deepest]) / self._pair_thicknesses[pair.name]
         return _Extreme(share, pair.name, float(times[deepest]))
 
 

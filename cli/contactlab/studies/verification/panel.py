@@ -146,7 +146,7 @@ class Verification:
     def run_loads(self) -> bool:
         """Run the loads, which need no seeds of the task; return whether a measure is worse."""
         self._compare_runs(self._loads)
-        return self._harms
+        return self._finds_harm
 
     def complete_runs(self) -> VerifiedChange:
         """Run all that was not run, and return the result.
@@ -155,12 +155,12 @@ class Verification:
             EngineError: nothing moves in the original, or another engine than MuJoCo simulates it.
         """
         for runs in (self._loads, self._others):
-            if not (self._harms and self._request.stop_early):
+            if not (self._finds_harm and self._request.stop_early):
                 self._compare_runs(runs)
         measures, request, panel = self._measures, self._request, self._panel
-        idle = not self._harms and not _is_improved(measures, request.must_improve)
+        idle = not self._finds_harm and not _is_improved(measures, request.must_improve)
         summary = summarize_measures(measures)
-        if panel.ended_early and not self._harms:
+        if panel.ended_early and not self._finds_harm:
             summary += "; the time limit ended it early"
         task = _shorten_task(request)
         return VerifiedChange(
@@ -168,14 +168,14 @@ class Verification:
             fresh_seeds=with_new_seeds(task).seeds,
             measures=tuple(measures),
             skipped=tuple(panel.skipped),
-            identical=panel.identical and not self._harms,
-            passed=not self._harms and not idle,
+            identical=panel.identical and not self._finds_harm,
+            passed=not self._finds_harm and not idle,
             sentence=_idle_sentence(measures, request.must_improve) if idle else summary,
             ended_early=panel.ended_early,
         )
 
     @property
-    def _harms(self) -> bool:
+    def _finds_harm(self) -> bool:
         return any(measure.worse for measure in self._measures)
 
     def _compare_runs(self, runs: Iterator[VerifiedMeasure]) -> None:

@@ -35,13 +35,13 @@ def judge_verified_grip(request: GripRequest) -> GripReport:
         found = _verify_fix(request, fix, runs)
         if found.passed:
             fixes[place] = fix.model_copy(update={"verification": found})
-            return _recommend(report, fixes, "")
+            return _recommend_fix(report, fixes, "")
         rejected = {"lines": (), "no_patch_reason": found.sentence}
         fixes[place] = fix.model_copy(update=rejected)
-    return _recommend(report, fixes, "each makes something worse")
+    return _recommend_fix(report, fixes, "each makes something worse")
 
 
-def _recommend(report: GripReport, fixes: Sequence[GripFix], reason: str) -> GripReport:
+def _recommend_fix(report: GripReport, fixes: Sequence[GripFix], reason: str) -> GripReport:
     """Return the report with verified fixes first, and the first of them in its sentence."""
     ranked = sorted(fixes, key=lambda fix: fix.verification is None)
     head = report.sentence.partition(". Fix: ")[0]
