@@ -83,7 +83,7 @@ def _result_sentences(
     began = labels.failed & steps.valid & (steps.values <= 1) & ~invalid
     yield stable_share(labels, share)
     if not labels.failed.any():
-        # What a sweep without a failure shows: how near its runs come to one.
+        # A sweep without a failure still shows how near its runs come to one.
         said = list[str]()
         for name, what, unit in (
             ("penetration_max", "contact depth", "mm"),
