@@ -227,14 +227,15 @@ class EffectsStudy:
 
 
 def _plan_work(motions: Sequence[Motion], max_time: float) -> tuple[list[Motion], int]:
-    # As many seeds as the counted time of one core allows, then fewer windows.
+    # As many seeds as the counted time of one core allows, then fewer windows. Whole runs, which
+    # show what moves at all, are made ten to thirty times, and have no fewer steps for that.
     steps = 3 * sum(motion.steps for motion in motions)  # unchanged, tilted, doubled
     seconds = steps * count_pace(motions)
     pass_share = 0.01  # of the time limit, for one part on average; models have 20 to 50 parts
     most_stride = 8  # at least one in this many windows is used
     allowed = pass_share * max_time
     most = min(motion.seeds for motion in motions)
-    seeds = min(most, max(1, int(most_stride * allowed / seconds)))
+    seeds = min(most, max(1, int(2 * allowed / seconds)))
     stride = min(most_stride, max(1, math.ceil(seeds * seconds / allowed)))
     fewer = [
         replace(motion, starts=motion.starts[:seeds], inputs=motion.inputs[:seeds])
