@@ -172,14 +172,24 @@ def known_setup(steps: LoopSteps) -> Mapping[str, object]:
 
 def changed_fields(before: mujoco.MjModel, after: mujoco.MjModel) -> tuple[str, ...]:
     """Return the changed fields of a model, except for purely visual ones."""
-    # Models are compared whole first, since one by one their fields take as long as an episode.
-    if np.array_equal(_model_bytes(before), _model_bytes(after)):
+    # A small model is compared whole first, since its fields take longer one by one. The meshes and
+    # textures of a large one take longer to copy.
+    small = 1_000_000  # bytes
+    if mujoco.mj_sizeModel(before) < small and np.array_equal(
+        _model_bytes(before), _model_bytes(after)
+    ):
         return ()
     return tuple(
         name
         for name, old, new in _physical_fields(before, after)
-        if np.asarray(old).tobytes() != np.asarray(new).tobytes()
+        if not np.array_equal(_as_integers(old), _as_integers(new))
     )
+
+
+def _as_integers(value: object) -> np.ndarray:
+    # The bits of a field, without a copy.
+    array = np.asarray(value).ravel()
+    return array.view(f"i{array.itemsize}")
 
 
 def _model_bytes(model: mujoco.MjModel) -> np.ndarray:
