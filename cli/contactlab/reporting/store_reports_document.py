@@ -55,7 +55,8 @@ def _forecast_facts(report: SweepForecast) -> Iterator[tuple[str, str]]:
     least, most = report.seconds
     idle = f"{report.cores} idle core{'' if report.cores == 1 else 's'}"
     yield "time", f"{_range_text((part * least, most), 'long')} on {idle}"
-    if report.checks_share >= 0.05:
+    least_share = 0.05
+    if report.checks_share >= least_share:
         yield "", f"{format_amount(report.checks_share, '%')} of the runs' time for their checks"
     passes = {
         "accuracy": report.accuracy_seconds,
@@ -66,7 +67,9 @@ def _forecast_facts(report: SweepForecast) -> Iterator[tuple[str, str]]:
             yield "", f"{format_amount(seconds, 'long')} of it for {name}"
     yield "memory", f"at most {format_amount(report.memory_bytes, 'B')}"
     least, most = report.bytes
-    scene = f", {format_amount(report.scene_bytes, 'B')} of the scene's files"
+    least_bytes = 1e5  # smaller files do not matter
+    is_large = report.scene_bytes >= least_bytes
+    scene = f", {format_amount(report.scene_bytes, 'B')} of the scene's files" if is_large else ""
     yield "disk", f"{_range_text((part * least, most), 'B')} of traces{scene}"
     for form, size in report.bytes_by_format.items():
         if form != report.trace_format and size[1]:
