@@ -127,3 +127,22 @@ def test_bodies_that_joints_press_on_each_other_at_rest_are_a_fact(
     assert bool(pressing) == is_jammed
     if is_jammed:
         assert pressing[0].place == "contact wheel - bar"
+
+
+def test_the_gap_of_a_soft_connect_is_the_distance_that_its_body_sinks() -> None:
+    model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody><body name="bob" pos="0 0 1">
+      <freejoint/><geom size=".05"/></body></worldbody><equality>
+      <connect name="cord" body1="bob" anchor="0 0 0" solref="1 1"/></equality></mujoco>""")
+    data = mujoco.MjData(model)
+    start = np.empty((1, mujoco.mj_stateSize(model, INTEGRATION)))
+    mujoco.mj_getState(model, data, start[0], INTEGRATION)
+    (fact,) = (
+        one
+        for one in facts([Motion(model, start, np.empty((1, 250, 0)))], [0.0])
+        if one.kind == "equality"
+    )
+    mujoco.mj_step(model, data, 250)
+    # It sinks until the end; states are looked at every 10 ms.
+    speed = abs(float(data.qvel[2]))
+    assert fact.value == pytest.approx(1 - float(data.qpos[2]), abs=0.02 * speed)
+    assert fact.sentence.startswith("the ends of equality cord come ")

@@ -15,7 +15,7 @@ from contactlab.scene.scene_source import find_scene
 from contactlab.schema.examination import Examination
 from contactlab.schema.task import QPOS0
 from contactlab.studies.examine.linted_file import FileFault, lint_file
-from contactlab.studies.examine.repaired_causes import Repair, RepairedModel
+from contactlab.studies.examine.repaired_causes import Repair, RepairedModel, is_better
 
 DOUBLED = """<mujoco><worldbody><geom type="plane" size="1 1 .1"/>
   <body pos="0 0 .1"><freejoint/><geom name="one" size=".1"/><geom name="two" size=".1"/>
@@ -48,6 +48,21 @@ def test_a_repair_of_another_rule_or_of_the_start_repairs_no_fault_of_the_file()
     assert not start.repairs_fault(FAULT)
     assert not other.repairs_fault(FAULT)
     assert other._replace(rule=FAULT.rule).repairs_fault(FAULT)
+
+
+def test_an_edit_of_the_file_that_ends_all_complaints_counts_whatever_they_hid() -> None:
+    """An object inside its jaws does not creep; one that they hold does."""
+    sunk: Any = SimpleNamespace(judged=Verdict("inaccurate", 0.2, ()))
+    held: Any = SimpleNamespace(judged=Verdict("ok", 0.01, ()))
+    names = ("tunneling", "creep")
+    tunneling, creep = (SimpleNamespace(label=name) for name in names)
+    labels: Any = {"before": (tunneling,), "after": (creep,), "both": (creep, tunneling)}
+    before = RepairedModel(sunk, labels["before"])
+    edit = Repair("file", "jaws press", "an edit", "jaw-force", NO_EDITS)
+    assert is_better(before, RepairedModel(held, labels["after"]), edit)
+    assert not is_better(
+        RepairedModel(held, labels["before"]), RepairedModel(held, labels["both"]), edit
+    )
 
 
 @pytest.mark.long

@@ -37,11 +37,21 @@ class _Contact(NamedTuple):
     time: float  # [s], of the run
 
 
+class _Gap(NamedTuple):
+    """The gap between the ends of an equality in one state."""
+
+    equality: int
+    amount: float  # [m]
+    time: float  # [s], of the run
+    is_start: bool
+
+
 def facts(motions: Sequence[Motion], begins: Sequence[float]) -> tuple[Fact, ...]:
     """Return the facts of a model's motions, whose phases begin at these times [s] of the run."""
     model = motions[0].model
     data = mujoco.MjData(model)
     deepest, hardest, overlap = list[_Contact](), list[_Contact](), list[_Contact]()
+    gaps = list[_Gap]()
     creep, pressing, masked = tuple[Fact, ...](), tuple[Fact, ...](), MaskedPassages(model)
     for motion, begin in zip(motions, begins, strict=True):
         window_seconds = 0.01  # between states that are looked at
@@ -54,7 +64,10 @@ def facts(motions: Sequence[Motion], begins: Sequence[float]) -> tuple[Fact, ...
                 )
                 deepest += [contact for contact, _ in found]
                 hardest += [contact for _, contact in found]
-                if not place and not begin:
+                time, is_start = float(times[place]), not place and not begin
+                apart = _measure_gaps(model, data).items()
+                gaps += [_Gap(equality, gap, time, is_start) for equality, gap in apart]
+                if is_start:
                     overlap += [contact for contact, _ in found]
         if motion is motions[0]:
             creep, pressing = tuple(_of_creep(motion, run)), tuple(_of_force(motion, run))
@@ -65,7 +78,7 @@ def facts(motions: Sequence[Motion], begins: Sequence[float]) -> tuple[Fact, ...
         *_of_margin(deepest, hardest),
         *masked.facts(),
         *_find_joint_off_limits(motions[0]),
-        *_of_equalities(motions[0]),
+        *_of_equalities(motions[0], gaps),
         *pressing,
         *_of_mass(model),
     )
@@ -243,33 +256,39 @@ def _find_joint_off_limits(motion: Motion) -> Iterator[Fact]:
     )
 
 
-def _of_equalities(motion: Motion) -> Iterator[Fact]:
-    """Yield the connect or weld whose ends start farthest apart, if that is much of a body."""
-    model, data = motion.model, mujoco.MjData(motion.model)
-    mujoco.mj_setState(model, data, motion.starts[0], INTEGRATION)
-    mujoco.mj_forward(model, data)
-    apart = dict[int, float]()
-    for equality in np.flatnonzero(np.isin(model.eq_type, _ENDS_MEET)):
-        rows = np.flatnonzero(
-            (data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY) & (data.efc_id == equality)
-        )
-        apart[int(equality)] = float(np.linalg.norm(data.efc_pos[rows[:3]]))
-    worst = max(apart, key=lambda equality: apart[equality], default=-1)
-    if worst < 0 or apart[worst] <= _DEEP * model.stat.meansize:
+def _measure_gaps(model: mujoco.MjModel, data: mujoco.MjData) -> dict[int, float]:
+    # Distance between the ends of each connect and weld [m]; `data` has its constraints.
+    rows = np.flatnonzero(data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+    return {
+        equality: float(np.linalg.norm(data.efc_pos[rows[data.efc_id[rows] == equality][:3]]))
+        for equality in np.flatnonzero(np.isin(model.eq_type, _ENDS_MEET)).tolist()
+    }
+
+
+def _of_equalities(motion: Motion, gaps: Sequence[_Gap]) -> Iterator[Fact]:
+    """Yield the connect or weld with ends farthest apart at the start, otherwise in the run.
+
+    A gap of less than a twentieth of the mean size of bodies is ordinary.
+    """
+    model = motion.model
+    at_start = [gap for gap in gaps if gap.is_start]
+    most = _DEEP * model.stat.meansize
+    for known in (at_start, gaps):
+        worst = max(known, key=lambda gap: gap.amount, default=None)
+        if worst is None or worst.amount <= most:
+            continue
+        place = f"equality {model.equality(worst.equality).name or f'[{worst.equality}]'}"
+        led = bool(is_mocap_driven(model)[worst.equality])
+        advice = "place its mocap body there" if led else "begin where they meet"
+        gap = f"{_format_mm(worst.amount)} mm apart"
+        sentence = f"the ends of {place} come {gap}, at {worst.time:.2f} s"
+        if worst.is_start:
+            sentence = (
+                f"at the start the ends of {place} are {gap}, and it draws them together; "
+                f"{advice}, for example by a keyframe"
+            )
+        yield Fact(kind="equality", place=place, value=worst.amount, unit="m", sentence=sentence)
         return
-    name = model.equality(worst).name
-    place = f"equality {name or f'[{worst}]'}"
-    gap = _format_mm(apart[worst])
-    said = f"at the start the ends of {place} are {gap} mm apart, and it draws them"
-    led = bool(is_mocap_driven(model)[worst])
-    advice = "place its mocap body there" if led else "begin where they meet"
-    yield Fact(
-        kind="equality",
-        place=place,
-        value=apart[worst],
-        unit="m",
-        sentence=f"{said} together; {advice}, for example by a keyframe",
-    )
 
 
 def _of_force(motion: Motion, run: Run) -> Iterator[Fact]:

@@ -337,14 +337,16 @@ class CauseRepairer:
         repaired = replace(
             model, examined=changed, labels=labels, edits=edits, scene=scene, faults=tuple(left)
         )
-        if not of_file and not _is_better(model, repaired, repair):
+        if not of_file and not is_better(model, repaired, repair):
             return model
         # An object that the original drops comes to rest elsewhere, as with another start.
         elsewhere = edits.fixes_start or repair.apply == GRIP
         found = None if of_file else self.verify(changed, elsewhere)
         if found is not None and not found.passed:
-            rejected = RejectedFix(name=repair.name, reason=found.sentence)
-            return replace(model, rejected=(*model.rejected, rejected))
+            rejected = (*model.rejected, RejectedFix(name=repair.name, reason=found.sentence))
+            decides = repair.stage == "file" and _removes_complaints(model, repaired)
+            causes = (*model.causes, known) if decides else model.causes
+            return replace(model, causes=causes, rejected=rejected)
         removes = "verdict" if repaired.word in PASSING_VERDICTS else "cause"
         fix = Fix(
             name=repair.name,
@@ -430,13 +432,24 @@ def list_file_causes(faults: Sequence[FileFault]) -> Iterator[Cause]:
             yield Cause(stage=fault.stage, sentence=fault.sentence)
 
 
-def _is_better(model: RepairedModel, repaired: RepairedModel, repair: Repair) -> bool:
-    # A start counts if the word of its verdict is better; other repairs also if fewer of the
-    # complaints are left. A cause that is known may leave a modeling choice to decide.
+def is_better(model: RepairedModel, repaired: RepairedModel, repair: Repair) -> bool:
+    """Return whether a repair improves the verdict of a model.
+
+    A start does if the word of its verdict is better; other repairs also if fewer of the complaints
+    are left, and an edit of the file if none is. A known cause may leave a modeling choice to
+    decide.
+    """
     own, left = _rank_verdict(model.word), _rank_verdict(repaired.word)
     if repair.stage != "start" and repaired.complaints < model.complaints:
         return True
+    if repair.stage == "file" and _removes_complaints(model, repaired):
+        return True
     return left > own or (repair.is_certain and left >= min(own, _rank_verdict("depends")))
+
+
+def _removes_complaints(model: RepairedModel, repaired: RepairedModel) -> bool:
+    # Others of the repaired model were hidden: an object inside its jaws does not creep.
+    return bool(model.complaints) and not model.complaints & repaired.complaints
 
 
 def list_open_causes(model: RepairedModel) -> Iterator[Cause]:
