@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import random
 import re
 import signal
 import subprocess
@@ -74,6 +75,26 @@ class Command:
         process = self.start(*arguments, first=first)
         out, err = process.communicate(timeout=300)
         return process.returncode, out, re.sub(r"^[█░].*\n", "", err, flags=re.MULTILINE)
+
+    def finish_under_kills(
+        self, *arguments: str, dice: random.Random, longest: float, first: Path | None = None
+    ) -> int:
+        """Start the command and kill it after up to `longest` [s], until it ends by itself.
+
+        Return how often it was killed.
+        """
+        killed = 0
+        while True:
+            process = self.start(*arguments, first=first)
+            try:
+                _, err = process.communicate(timeout=dice.uniform(0.1, longest))
+            except subprocess.TimeoutExpired:
+                os.killpg(process.pid, signal.SIGKILL)
+                process.communicate()
+                killed += 1
+            else:
+                assert process.returncode == 0, err
+                return killed
 
     def living(self, session: int) -> list[int]:
         """Return the processes of a session that run, zombies left out."""

@@ -3,7 +3,6 @@
 import os
 import random
 import signal
-import subprocess
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -95,16 +94,9 @@ def test_killed_forty_times(
         places = [f"store{lives}-{number}" for number in range(len(parts))]
         for part, place in zip(parts, places, strict=True):
             shard = ("--shard", part) if part else ()
-            while True:
-                process = command.start(*sweep, *shard, "-o", place, first=first)
-                try:
-                    _, err = process.communicate(timeout=dice.uniform(0.1, takes))
-                    assert process.returncode == 0, err
-                    break
-                except subprocess.TimeoutExpired:
-                    os.killpg(process.pid, signal.SIGKILL)
-                    process.communicate()
-                    killed += 1
+            killed += command.finish_under_kills(
+                *sweep, *shard, "-o", place, first=first, dice=dice, longest=takes
+            )
         store = places[0]
         if kind == "shards":
             store = f"merged{lives}"

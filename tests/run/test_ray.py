@@ -2,10 +2,12 @@
 
 import json
 import os
+import random
 import secrets
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from textwrap import dedent
@@ -45,6 +47,7 @@ Worker.run = deadly
 # As if another version were installed where the sweep is started, and on no node.
 NEWER = """
 import sys
+import time
 if any(each.endswith("contactlab") for each in sys.orig_argv):
     import contactlab.run.ray.connection as connecting
     enter = connecting._connect_ray
@@ -155,6 +158,24 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory, make_sweeper: Any) -> 
         patch.chdir(sweeper.folder)
         sweeper.run(LONG, workers=2)
     return sweeper.outcome()
+
+
+def test_a_sweep_killed_forty_times_is_resumed_on_the_nodes(
+    command: Any, tmp_path: Path, on_nodes: Any, outcome: Outcome
+) -> None:
+    """The cluster outlives the command that is killed at random times, as one of a lab does."""
+    dice, killed, lives = random.Random("nodes"), 0, 0  # noqa: S311
+    (tmp_path / "long.yaml").write_text(LONG)
+    assert command.run("sweep", "long.yaml", "-o", "whole", "--workers", "2")[0] == 0
+    began = time.monotonic()
+    assert command.run("sweep", "long.yaml", "-o", "first", *on_nodes)[0] == 0
+    takes, whole = time.monotonic() - began, outcome(tmp_path / "whole")
+    while killed < 40:
+        lives += 1
+        words = ("sweep", "long.yaml", "-o", f"store{lives}", *on_nodes)
+        killed += command.finish_under_kills(*words, dice=dice, longest=takes)
+        assert outcome(tmp_path / f"store{lives}") == whole, (killed, lives)
+        assert find_problems(tmp_path / f"store{lives}") == []
 
 
 @pytest.mark.parametrize("loss", ["remove", "kill"])
