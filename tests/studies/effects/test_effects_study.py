@@ -9,6 +9,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from tests.noisy_clock import disturb_clock
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
@@ -51,6 +52,25 @@ def shed(tmp_path_factory: pytest.TempPathFactory) -> EffectsReport:
     return study_effects(
         EffectsRequest(str(folder / "shed.xml"), task=task), Session(folder / "out")
     )
+
+
+@pytest.mark.long
+def test_the_order_is_the_same_on_a_machine_that_is_busy(
+    shed: EffectsReport, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("monotonic", "thread_time", "process_time"):
+        disturb_clock(monkeypatch, name, 1, 1.0, 20.0)
+    (tmp_path / "shed.xml").write_text(SHED)
+    task = read_task_options(drive="none", duration="0.2s")
+    request = EffectsRequest(str(tmp_path / "shed.xml"), task=task, max_time=3600.0)
+    busy = study_effects(request, Session(tmp_path / "out", workers=0))
+    rows = [
+        [(one.name, one.verdict, one.error, one.can_go) for one in report.effects]
+        for report in (shed, busy)
+    ]
+    assert rows[0] == rows[1]
+    ratios = [[one.time_ratio for one in report.effects] for report in (shed, busy)]
+    assert ratios[0] != ratios[1]
 
 
 @pytest.mark.long
