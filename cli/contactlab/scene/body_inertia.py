@@ -136,7 +136,7 @@ def inertia_faults(model: mujoco.MjModel) -> tuple[InertiaFault, ...]:
     """Return the inertia faults of the moving bodies of a compiled model, in order."""
     moving = np.flatnonzero(model.body_weldid != 0).tolist()
     faults = {body: [*_body_faults(model, body)] for body in moving}
-    # Of a body without geoms of its own, the machine says how far its mass can lie.
+    # If a body has no geoms of its own, the machine bounds how far its mass can lie.
     large = [
         body
         for body, own in faults.items()

@@ -38,7 +38,7 @@ UNUSED = MODEL.format(
     density=1e-3, torsion=0, roll=0, low=-230, stiffness=0, spin=0, sensors=_SENSORS
 )
 USED = MODEL.format(
-    density=50, torsion=0.01, roll=0.01, low=-60, stiffness=0.15, spin=50, sensors=""
+    density=120, torsion=0.01, roll=0.01, low=-60, stiffness=0.15, spin=50, sensors=""
 )
 
 

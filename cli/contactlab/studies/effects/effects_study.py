@@ -229,8 +229,8 @@ class EffectsStudy:
 
 
 def _plan_work(motions: Sequence[Motion], max_time: float) -> tuple[list[Motion], int]:
-    # As many seeds as the counted time of one core allows, then fewer windows. Whole runs, which
-    # show what moves at all, are made ten to thirty times, and have no fewer steps for that.
+    # As many seeds as the counted time of one core allows, then fewer windows. Whole runs show
+    # all motion; they are made ten to thirty times, and have no fewer steps for that.
     steps = 3 * sum(motion.steps for motion in motions)  # unchanged, tilted, doubled
     seconds = steps * count_pace(motions)
     pass_share = 0.01  # of the time limit, for one part on average; models have 20 to 50 parts

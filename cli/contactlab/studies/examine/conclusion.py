@@ -114,7 +114,7 @@ def _error_of(phase: BudgetPhase) -> float:
 
 
 def _yield_causes(report: Examination, verdict: VerdictWord) -> Iterator[str]:
-    # The main cause comes first, after the conditions under which the model is judged.
+    # The main cause comes first, after conditions of the judgment.
     yield from (fact.sentence for fact in report.facts if fact.kind == "limp")
     if verdict in PASSING_VERDICTS and _touches_nothing(report):
         yield "no contact was made in the task, so nothing about contact is judged"
@@ -230,7 +230,7 @@ def _main_cause(phase: BudgetPhase) -> str:
     rows = {row.name: row for row in phase.rows if row.name in causes}
     errors = {name: math.inf if row.infinite else row.error or 0.0 for name, row in rows.items()}
     main = max(errors, key=lambda name: errors[name], default="")
-    main_share = 0.5  # of the numerical error, above which a setting is its main cause
+    main_share = 0.5  # of the numerical error; a setting with more is its main cause
     if main and math.isfinite(whole) and errors[main] >= main_share * whole:
         return causes[main]
     return "the numerical error is largest"

@@ -21,7 +21,7 @@ Sides = tuple[tuple[int, ...], tuple[int, ...]]
 
 @dataclass(frozen=True)
 class ContactHold:
-    """A time in which a contact bears load.
+    """A time span of a contact under load.
 
     Attributes:
         begin: time of its first step [s].

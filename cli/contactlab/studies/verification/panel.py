@@ -379,7 +379,7 @@ class _Panel:
         tables = tabulate_run(run, self._original.threads, self._request.runs.tables)
         self._equal_runs.append(tables.original.bits == tables.changed.bits)
         request = self._request
-        # Nothing that a fix is meant to change acts without constraints.
+        # Without constraints, a fix has no effect that it is meant to have.
         compared = compare_run(
             run,
             tables,
