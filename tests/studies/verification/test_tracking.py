@@ -107,3 +107,14 @@ def test_another_stop_keeps_the_motion_without_constraints(tmp_path: Path) -> No
     (step, _) = build_tracking_runs(original, changed, [0])
     tables = tabulate_run(step, 1, {})
     assert tables.changed.bits != tables.original.bits
+
+
+def test_a_step_finer_than_the_usual_reference_is_its_own_reference(tmp_path: Path) -> None:
+    """A coarser reference would have an error of its own, and the finer step would differ by it."""
+    original = _first_phase(tmp_path / "original", PENDULUM)
+    changed = _first_phase(tmp_path / "changed", PENDULUM.replace("0.005", "0.0005"))
+    still, *steps = build_unconstrained_runs(original, changed, [0])
+    tables = tabulate_run(still, 1, {})
+    assert tables.changed.bits == tables.reference.bits != tables.original.bits
+    for run in (*steps, *build_tracking_runs(original, changed, [0])):
+        assert run.reference.model.opt.timestep == changed.model.opt.timestep

@@ -62,7 +62,8 @@ class OriginalRuns:
     """Runs of an original model, which are the same for every change of it.
 
     Attributes:
-        tables: states of the original, its reference and its twin, by the name of the run.
+        tables: states of the original, its reference and its twin, by the name of the run and the
+            timestep of the reference [s].
         labels: how many runs have each label, by the name of the task.
         references: motions at a fine step with the original's own error, by the name of the task
             and the rate of the reference.
@@ -70,8 +71,8 @@ class OriginalRuns:
         falls: states of the original from nudged starts, by the name of the run.
     """
 
-    tables: dict[str, tuple[StateTable, StateTable, StateTable]] = field(
-        default_factory=dict[str, tuple[StateTable, StateTable, StateTable]]
+    tables: dict[tuple[str, float], tuple[StateTable, StateTable, StateTable]] = field(
+        default_factory=dict[tuple[str, float], tuple[StateTable, StateTable, StateTable]]
     )
     labels: dict[str, Counter[str]] = field(default_factory=dict[str, Counter[str]])
     references: dict[tuple[str, int], tuple[TaskReference, ErrorEstimate]] = field(

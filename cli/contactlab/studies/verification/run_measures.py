@@ -74,23 +74,27 @@ class Tables:
 
 
 def tabulate_run(
-    run: PairedRun, workers: int, known: dict[str, tuple[StateTable, StateTable, StateTable]]
+    run: PairedRun,
+    workers: int,
+    known: dict[tuple[str, float], tuple[StateTable, StateTable, StateTable]],
 ) -> Tables:
     """Run all four motions of a run, and sample them at the same times.
 
-    `known` has the tables of the original, the reference and the twin by the name of the run;
-    missing ones are added. They are the same for every change of one model.
+    `known` has the tables of the original, the reference and the twin by the name of the run
+    and the reference's timestep [s]; missing ones are added. They are the same for every change of
+    one model.
     """
     tabulate = partial(tabulate_states, extremes_too=not run.unconstrained)
-    if run.name not in known:
+    key = run.name, float(run.reference.model.opt.timestep)
+    if key not in known:
         length = run.original.steps * float(run.original.model.opt.timestep)
         times = np.linspace(0.0, length, SAMPLES + 1)
-        known[run.name] = (
+        known[key] = (
             tabulate(run.original, workers, times),
             tabulate(run.reference, workers, times),
             tabulate(run.twin, workers, times),
         )
-    original, reference, twin = known[run.name]
+    original, reference, twin = known[key]
     changed = tabulate(run.changed, workers, original.times, demands=run.original.model)
     return Tables(original, changed, reference, twin)
 

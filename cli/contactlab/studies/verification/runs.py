@@ -7,6 +7,7 @@ equal.
 """
 
 import copy
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -16,6 +17,7 @@ import numpy as np
 from contactlab.budget.motion import INTEGRATION, Motion
 from contactlab.budget.restarts import reference_motion
 from contactlab.contact.trace_arrays import Floats
+from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.drive.signals import control_ranges
 from contactlab.tasks.stress_motions import TILT_DEGREES, double_inputs, tilt_gravity
 
@@ -74,10 +76,20 @@ def pair_motions(
         name=name,
         original=original,
         changed=changed,
-        reference=reference_motion(original, REFERENCE_RATE),
+        reference=reference_motion(original, choose_reference_rate(original, changed)),
         twin=nudge_start(original),
         at_rest=at_rest,
     )
+
+
+def choose_reference_rate(original: Motion, changed: Motion) -> int:
+    """Return the steps of the reference in one step of the original.
+
+    A reference is never coarser than the changed model: a finer motion of the same model would
+    differ from it by the error of the reference.
+    """
+    ratio = float(original.model.opt.timestep) / float(changed.model.opt.timestep)
+    return max(REFERENCE_RATE, math.ceil(ratio - SUM_ROUNDING))
 
 
 def nudge_start(motion: Motion) -> Motion:
@@ -192,7 +204,7 @@ def build_tracking_runs(
     length = begin.steps * float(model.opt.timestep)
     # The waves of the reference are not those that the original's steps hold: a shorter step
     # follows a sine more closely.
-    fine = reference_motion(original, REFERENCE_RATE)
+    fine = reference_motion(original, choose_reference_rate(original, changed))
     ranges = control_ranges(model)
     # Away from the nearer end of the range, so that a step never meets it.
     rest = begin.inputs[0, 0]
