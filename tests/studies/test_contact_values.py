@@ -100,7 +100,7 @@ def test_rest_is_that_of_the_first_phase(tmp_path: Path) -> None:
         "</mujoco>"
     )
     text = shown(tmp_path / "box.xml")
-    assert "sines and pushes" in text
+    assert "1 s at rest, then 2 s of pushes" in text
     assert f"{2 * 9.81 / 4:.4g} N on each of 4 contacts" in text
 
 

@@ -16,7 +16,7 @@ from contactlab.tasks.session import Session
 
 INERTIA = 1e-3
 WHEEL = f"""<mujoco><option timestep=".002" gravity="0 0 0"/><worldbody><body name="wheel">
-<joint name="wheel" axis="0 1 0"/><geom size=".01" contype="0" conaffinity="0"/>
+<joint name="wheel" axis="0 1 0"/><geom size=".05" contype="0" conaffinity="0"/>
 <inertial pos="0 0 0" mass="1" diaginertia="{INERTIA} {INERTIA} {INERTIA}"/></body></worldbody>
 <actuator><motor name="motor" joint="wheel" ctrlrange="-5 5"/></actuator></mujoco>"""
 KD = 1.25 * 2 * INERTIA / 0.002

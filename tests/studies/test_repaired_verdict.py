@@ -85,7 +85,7 @@ def test_the_promised_verdict_is_that_of_the_written_model(motor: str, tmp_path:
 @pytest.mark.parametrize("effort", [0, 10])
 def test_a_urdf_that_nothing_drives_is_judged_as_it_falls(effort: int, tmp_path: Path) -> None:
     path = tmp_path / "limp.urdf"
-    path.write_text(LIMP.format(effort=effort))
+    path.write_text(LIMP.format(effort=effort).replace('lower=".5"', 'lower="-1"'))
     report = contactlab.examine(path, output=tmp_path / "a.json", duration="0.6s", workers=0)
     assert report.verdict == "ok"
     assert report.why[0].startswith("no actuators: 1 joint") == bool(effort)

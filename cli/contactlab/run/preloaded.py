@@ -20,6 +20,9 @@ def _load_modules() -> None:
     import numpy.ma
     import numpy.random
 
+    # Scenes are read by a worker, with this library.
+    import ruamel.yaml
+
     import contactlab.run.worker_pool
     from contactlab.schema.evidence import EvidenceRecord
 

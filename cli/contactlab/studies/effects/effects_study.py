@@ -208,10 +208,8 @@ class EffectsStudy:
         if shown and not self._is_late:
             models = [(change_model(self.base, one.part.change), 1) for one in shown]
             few_rounds = TimingProtocol(rounds=2, looks=1)  # for parts that stay in any case
-            ratios = self.clock.time_ratios(models, few_rounds)
-            costs = self.clock.count_costs(models)
-            for one, ratio, cost in zip(shown, ratios, costs, strict=True):
-                one.ratio, one.cost = ratio, cost
+            for one, ratio in zip(shown, self.clock.time_ratios(models, few_rounds), strict=True):
+                one.ratio = ratio
 
     @property
     def _is_late(self) -> bool:
@@ -247,8 +245,8 @@ def _plan_work(motions: Sequence[Motion], max_time: float) -> tuple[list[Motion]
 
 
 def _rank_part(one: MeasuredPart, tolerance: float) -> tuple[bool, float]:
-    # Counted work has the same order on a busy machine; measured times within noise do not.
-    return one.find_verdict(tolerance) in ("not exercised", "not measured"), one.cost
+    ratio = 1.0 if one.ratio is None else one.ratio.ratio
+    return one.find_verdict(tolerance) in ("not exercised", "not measured"), ratio
 
 
 def _describe_part(one: MeasuredPart, tolerance: float) -> PartEffect:
