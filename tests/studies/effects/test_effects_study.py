@@ -69,7 +69,7 @@ def test_verdicts_are_the_same_on_a_machine_that_is_busy(
         for report in (shed, busy)
     ]
     assert rows[0] == rows[1]
-    ratios = [{one.time_ratio for one in report.effects} for report in (shed, busy)]
+    ratios = [{one.name: one.time_ratio for one in report.effects} for report in (shed, busy)]
     assert ratios[0] != ratios[1]
 
 
