@@ -201,6 +201,18 @@ def test_a_fix_of_the_start_comes_first() -> None:
     assert report.fix.startswith("no contacts of a - b")
 
 
+def test_a_finding_of_the_file_that_is_the_cause_is_no_fact() -> None:
+    """A reason ends with its place, a finding begins with it."""
+    said, other = "nothing is below the base; add a floor", "a mass is denser than any metal"
+    facts = [
+        Fact(kind="file", sentence=f"mug.xml:3: warning: {each} [rule]") for each in (said, other)
+    ]
+    report = examined("ok", facts=tuple(facts))
+    report = report.model_copy(update={"why": (f"{said} (mug.xml:3)",)})
+    text = " ".join(render_text(describe_examination(report)).split())
+    assert text.count(said) == text.count(other) == 1
+
+
 @pytest.mark.parametrize("word", WORDS)
 @pytest.mark.parametrize("labels", [(), (LABEL,)])
 def test_the_text_says_nothing_twice(word: VerdictWord, labels: Sequence[RunLabel]) -> None:

@@ -81,8 +81,14 @@ def describe_examination(
     sections.append(Section(tuple(_finding_blocks(report, every=details_or_alone)), "checks"))
     if details:
         sections += map(_check_section, report.checks)
-    told = [fact.sentence for fact in report.facts if fact.sentence not in report.why]
-    sections.append(Section(tuple(map(Sentence, told)), "facts"))
+    # A reason ends with its place in parentheses; a finding of a file begins with it.
+    reasons = [reason.rpartition(" (")[0] or reason for reason in report.why]
+    new_facts = [
+        Sentence(fact.sentence)
+        for fact in report.facts
+        if fact.sentence not in report.why and not any(one in fact.sentence for one in reasons)
+    ]
+    sections.append(Section(tuple(new_facts), "facts"))
     if details_or_alone:
         sections += [
             Section((Facts(facts),), "contacts", title=names)
