@@ -205,7 +205,8 @@ def test_a_finding_of_the_file_that_is_the_cause_is_no_fact() -> None:
     """A reason ends with its place, a finding begins with it."""
     said, other = "nothing is below the base; add a floor", "a mass is denser than any metal"
     facts = [
-        Fact(kind="file", sentence=f"mug.xml:3: warning: {each} [rule]") for each in (said, other)
+        OVERLAP.model_copy(update={"sentence": f"mug.xml:3: warning: {each} [rule]"})
+        for each in (said, other)
     ]
     report = examined("ok", facts=tuple(facts))
     report = report.model_copy(update={"why": (f"{said} (mug.xml:3)",)})
