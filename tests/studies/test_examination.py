@@ -208,7 +208,7 @@ def test_a_finding_of_the_file_that_is_the_cause_is_no_fact() -> None:
         OVERLAP.model_copy(update={"sentence": f"mug.xml:3: warning: {each} [rule]"})
         for each in (said, other)
     ]
-    report = examined("ok", facts=tuple(facts))
+    report = conclude(examined("ok", facts=tuple(facts)))
     report = report.model_copy(update={"why": (f"{said} (mug.xml:3)",)})
     text = " ".join(render_text(describe_examination(report)).split())
     assert text.count(said) == text.count(other) == 1
