@@ -87,13 +87,13 @@ class AdaptedEngine(SimulationEngine):
         return user_cache() / f"{name}-{short_hash(self.requirements)}"
 
     @property
-    def _find_python(self) -> Path:
+    def _python_place(self) -> Path:
         return self.environment / "bin" / "python"
 
     @property
     def version(self) -> str:
         """The installed version; empty if none is installed, or its Python is gone."""
-        if not self._find_python.exists():
+        if not self._python_place.exists():
             return ""
         folders = [str(folder) for folder in self.environment.glob("lib/python*/site-packages")]
         found = distributions(name=self._adapter.PACKAGE, path=folders) if folders else ()
@@ -181,7 +181,7 @@ class AdaptedEngine(SimulationEngine):
     def _process(self) -> "_EngineProcess":
         if self.absence:
             raise EngineError(self.absence)
-        command = [str(self._find_python), "-P", str(SERVER), str(self._file)]
+        command = [str(self._python_place), "-P", str(SERVER), str(self._file)]
         return _EngineProcess(self.name, command)
 
 

@@ -155,7 +155,7 @@ class FixSearch:
         self._candidates = (*starts, *against, *shapes)
         self.label_trials, self.not_tried, self._went_further = 0, list[str](), False
         self.without_labels = list[TriedFix]()
-        found = try_fixes(motions, verdict, candidates=self._candidates, trial=self._build_trial)
+        found = try_fixes(motions, verdict, candidates=self._candidates, trial=self._current_trial)
         ended = [fix for fix in found if fix.is_complete]
         self.not_tried += [fix.name for fix in found if not fix.is_complete]
         self.helping = self._by_labels([fix for fix in ended if fix.removes])
@@ -184,7 +184,7 @@ class FixSearch:
         )
 
     @property
-    def _build_trial(self) -> Trial:
+    def _current_trial(self) -> Trial:
         """How candidates are tried; made on demand, since it refers to this object."""
         harms = partial(self._repeats.finds_harm, self)
         return replace(self._limits, moved=self._motions_of, finds_harm=harms)
@@ -214,7 +214,7 @@ class FixSearch:
         # The first that removes the verdict and leaves no label.
         self._went_further |= base is None
         for candidate in self._list_further(base, labels):
-            trial = replace(self._build_trial, most=None)
+            trial = replace(self._current_trial, most=None)
             tried = try_fixes(self._motions, self._verdict, candidates=[candidate], trial=trial)
             self.not_tried += [one.name for one in tried if not one.is_complete]
             if any(self._labels_with(one, candidate.rate) == () for one in tried if one.removes):
@@ -238,7 +238,7 @@ class FixSearch:
         """
         runs = 3  # a run, and one with half its step, which has twice the steps
         steps = 2 * runs * rate * steps_of(self._motions)
-        if fix.edits.fitted or steps * count_pace(self._motions) > self._build_trial.left():
+        if fix.edits.fitted or steps * count_pace(self._motions) > self._current_trial.left():
             return None
         *_, labels = self._repeats.labelled({**self._values, **fix.edits.settings}, None)
         return tuple(labels)
@@ -333,7 +333,7 @@ class FixSearch:
         shown = [
             fix
             for place, fix in enumerate(self.helping)
-            if place < MOST_FIXES or fix.apply in self._build_trial.requested
+            if place < MOST_FIXES or fix.apply in self._current_trial.requested
         ]
         parting = [
             _make_untimed(candidate, self._verdict.word, candidate.edits, removes=False)
@@ -383,13 +383,13 @@ class FixSearch:
         It is measured on both groups of seeds.
         """
         model, steps = self._motions[0].model, 2 * rate * steps_of(self._motions)
-        looks = evaluations(model, self._build_trial.settings, drifts=drifts(self._verdict))
-        return looks * steps * count_pace(self._motions) <= self._build_trial.left()
+        looks = evaluations(model, self._current_trial.settings, drifts=drifts(self._verdict))
+        return looks * steps * count_pace(self._motions) <= self._current_trial.left()
 
     def _is_no_worse(self, motions: Sequence[Motion]) -> bool:
-        settings = replace(self._build_trial.settings, places=False, timed=False)
+        settings = replace(self._current_trial.settings, places=False, timed=False)
         budget = error_budget(
-            motions, rows=(), settings=settings, workers=self._build_trial.workers
+            motions, rows=(), settings=settings, workers=self._current_trial.workers
         )
         word = judge(budget, self._verdict.tolerance).word
         return word == "ok" or self._verdict.word in ("inaccurate", "undecided")
@@ -459,10 +459,10 @@ class FixSearch:
         """
         helping = [*self.helping, *self.without_labels]
         numerical = [fix for fix in helping if not fix.changes_model]
-        wanted = {*self._build_trial.requested}
+        wanted = {*self._current_trial.requested}
         if self._repaired is not None:
             wanted -= {*self._repaired.apply}
-            reason = self._repaired.why_not_written(self._build_trial.requested)
+            reason = self._repaired.why_not_written(self._current_trial.requested)
             if reason or not (wanted or helping):
                 return " and ".join(self._repaired.apply), self.whole_edits(NO_EDITS), reason
         chosen = [fix for fix in self.without_labels if wanted == {fix.apply}]
@@ -475,10 +475,10 @@ class FixSearch:
             return "", NO_EDITS, reason
         by_word = {candidate.apply: candidate for candidate in self._candidates}
         accepted = [
-            by_word[word] for word in dict.fromkeys(self._build_trial.requested) if word in wanted
+            by_word[word] for word in dict.fromkeys(self._current_trial.requested) if word in wanted
         ]
         others = [one for one in self._candidates if one.name in {two.name for two in numerical}]
-        trial = replace(self._build_trial, most=None, left=lambda: math.inf)
+        trial = replace(self._current_trial, most=None, left=lambda: math.inf)
         for candidates in (accepted, *([*accepted, other] for other in others)):
             whole = joined(candidates)
             tried = try_fixes(self._motions, self._verdict, candidates=[whole], trial=trial)
@@ -491,7 +491,7 @@ class FixSearch:
     def _unknown_request(self) -> str:
         words = [candidate.apply for candidate in self._candidates if candidate.apply]
         words += self._repaired.apply if self._repaired else ()
-        unknown = [word for word in self._build_trial.requested if word not in words]
+        unknown = [word for word in self._current_trial.requested if word not in words]
         known = ", ".join(words) or "none"
         return f"no fix is called {unknown[0]}; write one of: {known}" if unknown else ""
 

@@ -240,7 +240,7 @@ class Search:
         if not self.front_limit:
             return
         bases = {
-            name: self._find_exact.with_settings(
+            name: self._exact_base.with_settings(
                 changed_settings({INTEGRATOR: name}, self.space.model)
             )
             for name in self.space.integrators
@@ -261,7 +261,7 @@ class Search:
 
     def _without_error(self, integrator: str) -> Configuration:
         own = changed_settings({INTEGRATOR: integrator}, self.space.model)
-        return self._find_lossless.with_settings(own)
+        return self._lossless_base.with_settings(own)
 
     def _moves_like_cheaper(self, name: str, cheaper: Sequence[str]) -> bool:
         # Return whether an integrator is no more accurate than a cheaper one.
@@ -371,7 +371,7 @@ class Search:
         return choice.with_settings(changed_settings(converged, self.space.model_of(choice)))
 
     def _search_bound(self) -> None:
-        base = self._find_lossless
+        base = self._lossless_base
         if self.max_cost is not None:
             self._search_accuracy(base)
             return
@@ -451,7 +451,7 @@ class Search:
 
     def without_lossy(self, choice: Configuration) -> Configuration:
         """Return a configuration without settings that add error, except integrator and step."""
-        lossless = self._find_lossless.settings
+        lossless = self._lossless_base.settings
         kept = {
             name: value if name == INTEGRATOR else lossless[name]
             for name, value in choice.settings.items()
@@ -497,13 +497,13 @@ class Search:
         return self._cost_of(choice) < SAVING * self._cost_of(base)
 
     @cached_property
-    def _find_lossless(self) -> Configuration:
+    def _lossless_base(self) -> Configuration:
         """The model without anything that costs work and adds no error, at its own step.
 
         All bounds start from it. The smallest bound decides which added error counts as none, and
         bounds that the model as written satisfies stay satisfied.
         """
-        base = self._find_exact
+        base = self._exact_base
         base = self._with_faster_base(base)
         own = self._error_of(base)
         kept = [bound.accepted for bound in self.bounds if own <= bound.accepted]
@@ -534,7 +534,7 @@ class Search:
         return choice
 
     @cached_property
-    def _find_exact(self) -> Configuration:
+    def _exact_base(self) -> Configuration:
         """The cheapest configuration whose motion is that of the model as written.
 
         It holds whatever else is measured, so that a slow model has a result early.

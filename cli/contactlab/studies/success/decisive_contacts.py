@@ -189,7 +189,7 @@ class DecisiveContacts:
         }
 
     @cached_property
-    def _find_touching(self) -> dict[str, Sides]:
+    def _touching_sides(self) -> dict[str, Sides]:
         # The geoms of each pair that may touch.
         touch = touch_mask(self._base.model)
         touching = {pair.name: colliding_geoms(touch, pair) for pair in self._base.pairs}
@@ -203,7 +203,7 @@ class DecisiveContacts:
         halves = half_extents(self._base.model)
         return {
             name: 2 * float(halves[[*sides[0], *sides[1]]].min(initial=np.inf))
-            for name, sides in self._find_touching.items()
+            for name, sides in self._touching_sides.items()
         }
 
     @property
@@ -271,7 +271,7 @@ class DecisiveContacts:
         for pair in trace.pairs if trace else ():
             if trace and self._is_decisive(pair.name) and len(pair.steps):
                 depths.append(self._find_lasting_depth(pair, trace.time))
-                found = find_holds(self._base.model, self._find_touching[pair.name], pair, trace)
+                found = find_holds(self._base.model, self._touching_sides[pair.name], pair, trace)
                 holds += [(hold, pair.name) for hold in found]
         if (deepest := max(depths)).amount > self._limit:
             part = format_percent(deepest.amount)
