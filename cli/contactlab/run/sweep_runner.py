@@ -1,7 +1,8 @@
 """Runs a sweep into a store: plan, skip finished runs, run the rest, publish."""
 
 import logging
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Generator, Iterable, Sequence
+from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from itertools import chain, islice
@@ -216,11 +217,13 @@ def _run_missing(session: SweepSession) -> None:
         _LOG.warning("contacts are read by sensors, which takes longer: %s", reason)
     rest = index.iterate_runs(store.done)
     jobs = pack_jobs(rest, len(index) - done, session.scene, executor.workers)
-    for finished in run_all_jobs(session.task, jobs, executor, session.stop):
-        store.append_rows(
-            [record.row for record in finished], finished[0].shared if finished else b""
-        )
-        session.progress(finished)
+    # Closed at once if a row is interrupted: workers end before the store removes temporary files.
+    with closing(run_all_jobs(session.task, jobs, executor, session.stop)) as results:
+        for finished in results:
+            store.append_rows(
+                [record.row for record in finished], finished[0].shared if finished else b""
+            )
+            session.progress(finished)
 
 
 def make_task(
@@ -325,7 +328,7 @@ def _axis_column(request: SweepRequest, name: str) -> Column:
 
 def run_all_jobs(
     task: Task, jobs: Iterable[Job], executor: Executor, stop: Stop
-) -> Iterator[list[Finished]]:
+) -> Generator[list[Finished]]:
     """Yield the results of every job, once for each run.
 
     The runs of a crashed job are run again one by one. The culprit is the run that then times out,
