@@ -96,6 +96,7 @@ def test_an_expression_equals_the_loop(text: str, facts: ModelFacts) -> None:
         ("geom_margin > 0", ExpressionError, "any, count or largest"),
         ("qacc['nobody']", ExpressionError, "no joint 'nobody'"),
         ("xpos['two', 3]", ExpressionError, "smaller index"),
+        ("pairs('box', 'mesh') > 0", ExpressionError, "truth values of geoms"),
         ("no_such_field > 0", NoValueError, "no_such_field"),
         ("ptr > 0", NoValueError, "ptr"),
         ("opt.__class__ == 1", NoValueError, "opt.__class__"),

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from contactlab import resources
 from contactlab.advisories.field_expressions import FieldExpression
-from contactlab.errors import AdvisoryError, no_file
+from contactlab.errors import AdvisoryError, did_you_mean, no_file
 from contactlab.expression import ExpressionError
 from contactlab.plugins import extensions
 from contactlab.schema.advisory import Advisory
@@ -116,7 +116,8 @@ def _find_mistakes(advisory: Advisory) -> Iterator[str]:
     for workaround in advisory.workarounds:
         name = workaround.modification
         if name not in CATALOGUE:
-            yield f"workarounds: '{name}' is missing in docs/reference/modifications.md"
+            hint = did_you_mean(name, CATALOGUE) or "; docs/reference/modifications.md lists them"
+            yield f"workarounds: there is no modification '{name}'{hint}"
             continue
         edits: Sequence[str] = CATALOGUE[name].edits
         for setting in workaround.settings:

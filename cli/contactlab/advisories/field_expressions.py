@@ -139,6 +139,10 @@ class ModelFacts:
 
     def count_pairs(self, first: Any, second: Any) -> int:  # noqa: ANN401 - truth values of geoms
         """Return how many pairs that may collide have one of the first geoms, and a second one."""
+        if isinstance(first, str) or isinstance(second, str):
+            raise ExpressionError(
+                "pairs() takes truth values of geoms: pairs(geom_type == 'box', geom_condim > 1)"
+            )
         if not (np.any(first) and np.any(second)):
             return 0
         mask = np.logical_and.outer(first, second)

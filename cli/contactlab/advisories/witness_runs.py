@@ -7,19 +7,18 @@ from typing import NamedTuple
 import mujoco
 
 from contactlab.advisories.field_expressions import FieldExpression, ModelFacts
-from contactlab.advisories.met_advisories import can_act, may_meet
 from contactlab.errors import AdvisoryError
-from contactlab.expression import ExpressionError
+from contactlab.expression import ExpressionError, NoValueError
 from contactlab.scene.model_xml import list_elements
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.schema.advisory import Advisory, Witness
 
 
 class WitnessRun(NamedTuple):
-    """The measured value of a witness, and whether it meets the advisory's predicates."""
+    """The measured value of a witness, and why it does not meet the advisory; empty if it does."""
 
     measured: float
-    meets: bool
+    obstacle: str
 
 
 def replay_witness(advisory: Advisory) -> WitnessRun:
@@ -39,10 +38,20 @@ def replay_witness(advisory: Advisory) -> WitnessRun:
         mujoco.mj_forward(model, data)
         elements = list_elements(ET.fromstring(witness.model))  # noqa: S314 - MuJoCo has read it
         facts = ModelFacts(model, data, lambda: elements)
-        meets = may_meet(advisory, facts) and can_act(advisory, facts)
-        return WitnessRun(FieldExpression(witness.measure).evaluate_facts(facts), meets)
+        measured = FieldExpression(witness.measure).evaluate_facts(facts)
+        return WitnessRun(measured, _find_obstacle(advisory, facts))
     except (ValueError, KeyError, mujoco.FatalError, ExpressionError) as error:
         raise AdvisoryError(f"{advisory.id}: {str(error).partition(chr(10))[0]}") from error
+
+
+def _find_obstacle(advisory: Advisory, facts: ModelFacts) -> str:
+    for key, text in (("applies", advisory.applies), ("occurs", advisory.occurs)):
+        try:
+            if text and not FieldExpression(text).evaluate_facts(facts):
+                return f"{key} is false in its last state" if key == "occurs" else f"{key} is false"
+        except NoValueError as error:
+            return f"{key}: {error}"
+    return ""
 
 
 def compile_witness(witness: Witness) -> mujoco.MjModel:

@@ -20,7 +20,7 @@ class WitnessResult(Model):
     )
     measured: FiniteOrNull = about("The measured value; null if it is not finite.", default=None)
     meets: bool = about("Whether the predicate applies to the witness.", default=False)
-    reason: str = about("Why it did not run.", default="")
+    reason: str = about("Why it did not run, or is not met.", default="")
 
     @property
     def mistake(self) -> str:
@@ -29,13 +29,13 @@ class WitnessResult(Model):
             case "shown" | "crashed" if not self.affected:
                 return "the witness shows the fault, but the release is not listed as affected"
             case "shown" if not self.meets:
-                return "the predicate does not apply to the witness"
+                return f"the predicate does not apply to the witness: {self.reason}"
             case "not shown" if self.affected:
                 return "the witness gives the right value, but the release is listed as affected"
             case "not run" if self.affected:
                 return f"the witness does not run: {self.reason}"
             case "unclear":
-                return "the measured value is neither the right nor the wrong one"
+                return f"the measured value {self.measured} is neither right nor wrong"
             case _:
                 return ""
 

@@ -24,7 +24,7 @@ def main() -> None:
             print_line(file=file, reason=str(error))
         else:
             measured = run.measured if math.isfinite(run.measured) else None
-            print_line(file=file, measured=measured, meets=run.meets)
+            print_line(file=file, measured=measured, meets=not run.obstacle, reason=run.obstacle)
 
 
 def print_line(**values: object) -> None:
