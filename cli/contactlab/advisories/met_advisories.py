@@ -26,20 +26,20 @@ class InstalledEngine(NamedTuple):
 
 def may_meet(advisory: Advisory, facts: ModelFacts) -> bool:
     """Return whether a model may meet the fault; not if this MuJoCo lacks its fields."""
-    try:
-        return bool(FieldExpression(advisory.applies).evaluate_facts(facts))
-    except NoValueError:
-        return False
+    return not find_obstacle("applies", advisory.applies, facts)
 
 
 def can_act(advisory: Advisory, facts: ModelFacts) -> bool:
     """Return whether the fault of an advisory can act in a state; not if its fields are missing."""
-    if not advisory.occurs:
-        return True
+    return not advisory.occurs or not find_obstacle("occurs", advisory.occurs, facts)
+
+
+def find_obstacle(key: str, predicate: str, facts: ModelFacts) -> str:
+    """Return why a predicate does not hold, with the key of its advisory; empty if it does."""
     try:
-        return bool(FieldExpression(advisory.occurs).evaluate_facts(facts))
-    except NoValueError:
-        return False
+        return "" if FieldExpression(predicate).evaluate_facts(facts) else f"{key} is false"
+    except NoValueError as error:
+        return f"{key}: {error}"
 
 
 def find_met_advisories(

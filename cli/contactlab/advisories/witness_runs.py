@@ -7,8 +7,9 @@ from typing import NamedTuple
 import mujoco
 
 from contactlab.advisories.field_expressions import FieldExpression, ModelFacts
+from contactlab.advisories.met_advisories import find_obstacle
 from contactlab.errors import AdvisoryError
-from contactlab.expression import ExpressionError, NoValueError
+from contactlab.expression import ExpressionError
 from contactlab.scene.model_xml import list_elements
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.schema.advisory import Advisory, Witness
@@ -39,19 +40,12 @@ def replay_witness(advisory: Advisory) -> WitnessRun:
         elements = list_elements(ET.fromstring(witness.model))  # noqa: S314 - MuJoCo has read it
         facts = ModelFacts(model, data, lambda: elements)
         measured = FieldExpression(witness.measure).evaluate_facts(facts)
-        return WitnessRun(measured, _find_obstacle(advisory, facts))
+        obstacle = find_obstacle("applies", advisory.applies, facts)
+        if not obstacle and advisory.occurs:
+            obstacle = find_obstacle("occurs", advisory.occurs, facts)
+        return WitnessRun(measured, obstacle)
     except (ValueError, KeyError, mujoco.FatalError, ExpressionError) as error:
         raise AdvisoryError(f"{advisory.id}: {str(error).partition(chr(10))[0]}") from error
-
-
-def _find_obstacle(advisory: Advisory, facts: ModelFacts) -> str:
-    for key, text in (("applies", advisory.applies), ("occurs", advisory.occurs)):
-        try:
-            if text and not FieldExpression(text).evaluate_facts(facts):
-                return f"{key} is false in its last state" if key == "occurs" else f"{key} is false"
-        except NoValueError as error:
-            return f"{key}: {error}"
-    return ""
 
 
 def compile_witness(witness: Witness) -> mujoco.MjModel:

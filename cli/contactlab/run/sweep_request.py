@@ -164,10 +164,6 @@ class SceneLoader:
             self._opened[reference] = scene
         return self._opened[reference]
 
-    def open_driven(self, reference: str, drive: Drive | None) -> Scene:
-        """Return the scene with another drive; with its own if None."""
-        return self.open(reference).with_drive(drive, self.folder or Path())
-
     def for_sweep(self, read: SweepFile) -> tuple[Scene, Plan]:
         """Return the scene of a sweep, and the sweep's plan with the hash of its drive."""
         sweep = read.sweep

@@ -1,4 +1,4 @@
-"""The results of checks, their findings, and how they are written.
+"""The results of checks, and their findings.
 
 A gate is a failure that a run of the model shows, or a body that cannot exist. A warning is a rule
 of thumb of people who simulate contact with MuJoCo.
@@ -9,7 +9,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contactlab.judge.limits import exceeding, in_words, limit_findings, limited, worst_of
 from contactlab.schema.check_report import CheckResult, CheckVerdict, Measure
 from contactlab.schema.finding import Finding, Level
-from contactlab.writers.report import Section
 
 # Verdict of a check if a limit of some level is exceeded, the worst first.
 _VERDICTS: Mapping[Level, CheckVerdict] = {"gate": "fail", "warn": "warning", "note": "pass"}
@@ -60,29 +59,3 @@ def findings_of(result: CheckResult) -> Iterator[Finding]:
             message=result.reason,
         )
     yield from limit_findings(result.name, result.measures)
-
-
-def check_section(check: CheckResult) -> Section:
-    """Return the section of a check in a report."""
-    lines = [f"question: {check.question}", check.reason, *check.notes]
-    if check.stores:
-        lines.append(f"evidence: {', '.join(check.stores)}")
-    return Section(
-        f"{check.name}: {check.verdict}",
-        tuple(filter(None, lines)),
-        ("number", "of", "value", "limit", "") if check.measures else (),
-        tuple(map(_describe_measure_row, check.measures)),
-    )
-
-
-def _describe_measure_row(measure: Measure) -> tuple[str, ...]:
-    verdict = {None: "", True: "holds", False: "exceeded"}[measure.holds]
-    limit = "" if measure.limit is None else _number_with_unit(measure.limit, measure.unit)
-    value = _number_with_unit(measure.value, measure.unit)
-    return measure.name.replace("_", " "), measure.of or "", value, limit, verdict
-
-
-def _number_with_unit(value: float | None, unit: str) -> str:
-    if value is None:
-        return "none"
-    return f"{value:.4g}" + ("" if unit == "1" else f" {unit}")

@@ -53,14 +53,6 @@ class Configuration:
         """Return the configuration with more settings, which replace its own."""
         return replace(self, settings={**self.settings, **settings})
 
-    def with_reverted(
-        self, settings: Mapping[str, object], before: "Configuration"
-    ) -> "Configuration":
-        """Return the configuration with some settings as in another one."""
-        kept = {name: value for name, value in self.settings.items() if name not in settings}
-        own = {name: before.settings[name] for name in settings if name in before.settings}
-        return replace(self, settings={**kept, **own})
-
     def with_step(self, multiple: int) -> "Configuration":
         """Return the configuration with another timestep."""
         return replace(self, multiple=multiple)

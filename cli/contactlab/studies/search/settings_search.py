@@ -264,7 +264,7 @@ class Search:
         return self._lossless_base.with_settings(own)
 
     def _moves_like_cheaper(self, name: str, cheaper: Sequence[str]) -> bool:
-        # Return whether an integrator is no more accurate than a cheaper one.
+        # Whether an integrator is no more accurate than a cheaper one.
         #
         # Integrators differ in how they treat damping, velocities and bias forces. A model without
         # these moves alike at its own step and at the longest one within the tolerance.
