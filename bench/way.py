@@ -14,8 +14,9 @@ hands an object on has no need to know what is in it. Counted are the files and 
 hold the value at least once, and the hops: how often one event that holds it is in another file
 than the one before. The whole is counted first, with the summary that the command prints of the
 finished store; then what lies before the store is published, from when on the value is evidence.
-Nested functions and comprehensions are functions of their own. Bytes are not searched: they are
-written results. Imports do not count.
+Nested functions and comprehensions are functions of their own. A generator, such as that of a
+page's template, counts once, however many parts it yields: a reader does not follow each. Bytes are
+not searched: they are written results. Imports do not count.
 
 `model` follows the path of a model's file, as text and as `Path`, from the command `contactlab
 examine FILE` to its printed verdict; without a FILE, of a small model.
@@ -23,6 +24,7 @@ examine FILE` to its printed verdict; without a FILE, of a small model.
 
 import argparse
 import contextlib
+import inspect
 import io
 import sys
 import tempfile
@@ -87,6 +89,7 @@ class Way:
     def __init__(self, value: float | str) -> None:
         self._value, self._text = value, value if isinstance(value, str) else f"{value:g}"
         self._importing = 0
+        self._generators = dict[int, tuple[FrameType, set[str]]]()  # by id; held, so that ids stay
         self.stops: list[Stop] = []
         self.published = 0  # stops before the store was
 
@@ -95,6 +98,8 @@ class Way:
         if event not in ("call", "return"):
             return
         code = frame.f_code
+        if code.co_flags & inspect.CO_GENERATOR and self._is_repeated(frame, event):
+            return
         if code.co_name == "<module>":
             self._importing += 1 if event == "call" else -1
         file = Path(code.co_filename)
@@ -104,6 +109,13 @@ class Way:
             self.stops.append(Stop(file.relative_to(PROJECT).as_posix(), code.co_qualname))
         if event == "return" and code is run_sweep.__code__:
             self.published = len(self.stops)
+
+    def _is_repeated(self, frame: FrameType, event: str) -> bool:
+        """Return whether a generator was called, or has returned a value, before."""
+        _, seen = self._generators.setdefault(id(frame), (frame, set()))
+        repeated = event in seen
+        seen.add(event)
+        return repeated
 
     def _holds(self, held: object, depth: int) -> bool:
         if isinstance(held, float):
