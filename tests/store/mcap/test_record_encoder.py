@@ -1,7 +1,9 @@
 """What a run's file holds does not depend on how its arrays lie in memory."""
 
+import struct
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,7 @@ from tests.written_traces import TraceExtras
 from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.schema.vocabulary import TraceFormat
 from contactlab.store.mcap import record_encoder
+from contactlab.store.mcap.record_encoder import INDEX_HEAD, message_indexes
 from contactlab.store.mcap.trace_messages import contacts_record
 from contactlab.store.mcap.trace_writer import TraceEncoder
 
@@ -34,15 +37,43 @@ def test_arrays_may_lie_anyhow(
 
 
 @pytest.mark.parametrize("form", ["messages", "compact"])
-def test_records_filled_in_parts_are_those_filled_at_once(
-    make_trace: MakeTrace, extras: TraceExtras, form: TraceFormat, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("slots", [1, 4])
+def test_records_of_c_are_those_of_numpy(
+    make_trace: MakeTrace,
+    extras: TraceExtras,
+    form: TraceFormat,
+    slots: int,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Also where a part ends within a pair, and of pairs that are given in another order."""
-    trace, series = make_trace(runs=2, steps=40, pairs=("a-b", "c-d", "e-f"), momentum=True)
-    whole = [TraceEncoder(trace, series).encode_run(run, *extras, form=form) for run in range(2)]
+    sizes = {"slots": slots, "steps": 40, "runs": 2, "momentum": True}
+    trace, series = make_trace(pairs=("a-b", "c-d", "e-f"), **sizes)
+    encoder = TraceEncoder(trace, series)
+    whole = [encoder.encode_run(run, *extras, form=form) for run in range(2)]
+    monkeypatch.setenv("CONTACTLAB_KERNEL", "off")
     monkeypatch.setattr(record_encoder, "_BLOCK_BYTES", 7 * contacts_record(1).size)
     parts = TraceEncoder(trace, series[::-1])
     assert [parts.encode_run(run, *extras, form=form) for run in range(2)] == whole
+
+
+def test_indexes_are_those_of_a_loop() -> None:
+    """Chunks of one row, of some rows, and channels that are missing in a chunk."""
+    rng = np.random.default_rng(0)
+    sizes = rng.integers(1, 9, (40, 5)) * (rng.random((40, 5)) < 0.2)
+    sizes[:, 0] = 7
+    offsets = (np.cumsum(sizes) - sizes.ravel()).reshape(sizes.shape)
+    times, cuts = np.arange(40, dtype=np.uint64) * 3, [0, 1, 9, 23, 40]
+    found = message_indexes(times, sizes, offsets, cuts)
+    for index, (first, last) in zip(found, pairwise(cuts), strict=True):
+        expected, starts = b"", dict[int, int]()
+        for channel in range(5):
+            rows = [row for row in range(first, last) if sizes[row, channel]]
+            entries = [(times[row], offsets[row, channel] - offsets[first, 0]) for row in rows]
+            if rows:
+                starts[channel + 1] = len(expected)
+                expected += INDEX_HEAD.pack(7, 6 + 16 * len(rows), channel + 1, 16 * len(rows))
+                expected += b"".join(struct.pack("<QQ", *map(int, entry)) for entry in entries)
+        assert index == (expected, starts)
 
 
 def _picked(series: PairSeries, rows: slice | list[int]) -> PairSeries:

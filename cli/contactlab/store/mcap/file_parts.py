@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from contactlab.store.mcap.encode_buffers import SCRATCH
 from contactlab.store.mcap.message_encoder import MessageGroup, Times
-from contactlab.store.mcap.record_encoder import message_indexes
+from contactlab.store.mcap.record_encoder import ChunkIndexes, message_indexes
 
 CHUNK_SIZE = 1 << 20
 _COMPRESSION = "zstd"
@@ -141,8 +141,9 @@ def encode_parts(
     parts, crc, position = [start.data], start.crc, len(start.data)
     chunks: list[_Chunk] = []
     cuts = [*packed, len(stream.times)] if packed else stream.chunk_starts()
-    for first, last in pairwise(cuts):
-        chunk = _encode_chunk(stream, slice(first, last), position, packed.get(first))
+    indexes = message_indexes(stream.times, stream.sizes, stream.offsets, cuts)
+    for (first, last), index in zip(pairwise(cuts), indexes, strict=True):
+        chunk = _encode_chunk(stream, slice(first, last), position, index, packed.get(first))
         parts += chunk.parts
         chunks.append(chunk)
         position += sum(map(len, chunk.parts))
@@ -154,8 +155,8 @@ def encode_parts(
     totals = sum(counts), start.schemas, len(counts), 1, 1, len(chunks)
     by_channel = _encode_by_channel(dict(enumerate(counts, start=1)))
     statistics = _encode_record(Opcode.STATISTICS, _STATISTICS.pack(*totals, *ends), by_channel)
-    indexes = b"".join(chunk.entry for chunk in chunks)
-    groups = {**start.summary, Opcode.STATISTICS: statistics, Opcode.CHUNK_INDEX: indexes}
+    entries = b"".join(chunk.entry for chunk in chunks)
+    groups = {**start.summary, Opcode.STATISTICS: statistics, Opcode.CHUNK_INDEX: entries}
     summary_start = position + DATA_END.size
     summary = offsets = b""
     for kind, records in groups.items():
@@ -172,7 +173,11 @@ def encode_parts(
 
 
 def _encode_chunk(
-    stream: MessageStream, rows: slice, position: int, packed: bytes | None
+    stream: MessageStream,
+    rows: slice,
+    position: int,
+    index: ChunkIndexes,
+    packed: bytes | None,
 ) -> _Chunk:
     stop = stream.offsets[rows.stop, 0] if rows.stop < len(stream.times) else len(stream.data)
     content = stream.data[stream.offsets[rows.start, 0] : stop].data
@@ -183,18 +188,16 @@ def _encode_chunk(
     no_checksum = 0
     described = len(content), no_checksum, len(name), name, len(compressed)
     head = CHUNK_HEAD.pack(Opcode.CHUNK, length - FRAME.size, *times, *described)
-    where = stream.times[rows], stream.sizes[rows], stream.offsets[rows]
-    indexes, starts = message_indexes(*where)
-    places = {channel: position + length + start for channel, start in starts.items()}
-    index = _encode_record(
+    places = {channel: position + length + start for channel, start in index.starts.items()}
+    entry = _encode_record(
         Opcode.CHUNK_INDEX,
         CHUNK_INDEX.pack(*times, position, length),
         _encode_by_channel(places),
-        _LENGTH.pack(len(indexes)),
+        _LENGTH.pack(len(index.data)),
         _encode_text(_COMPRESSION),
         SIZES.pack(len(compressed), len(content)),
     )
-    return _Chunk([head, compressed, indexes], index, *times)
+    return _Chunk([head, compressed, index.data], entry, *times)
 
 
 def _encode_record(kind: Opcode, *parts: bytes) -> bytes:

@@ -3,14 +3,12 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import (
-    FOUND,
     POINT_FIELDS,
     Floats,
     PairSeries,
@@ -19,10 +17,10 @@ from contactlab.contact.trace_arrays import (
 )
 from contactlab.store.mcap.record_encoder import (
     Bytes,
+    Columns,
     Integers,
     Records,
     Rows,
-    span_of,
     write_records,
 )
 from contactlab.store.mcap.trace_messages import (
@@ -83,78 +81,71 @@ def single_message(channel: int, row: int, time: int, content: bytes) -> Message
     return MessageGroup(np.array([channel]), np.array([row]), len(record), write)
 
 
-def state_records(trace: Trace, times: Times, run: int) -> Iterator[Records]:
-    """Yield the state before each step with the step's quantities, then the last state.
+class TraceColumns:
+    """The numbers of a trace's messages, computed once for all of its runs.
 
-    Log times (N + 1,) are those of the run.
+    Attributes:
+        states: those of states and steps.
+        contacts: those of pairs that touch; None if none does.
     """
-    nq, nv = trace.qpos.shape[2], trace.qvel.shape[2]
-    arrays = {name: getattr(trace, name)[run] for name in ("time", "qpos", "qvel")}
-    arrays |= {f"step.{name}": getattr(trace, own)[run] for own, (name, _) in STEP_ARRAYS.items()}
-    for own, name in MOMENTUM_ARRAYS.items():
-        momentum, nothing = getattr(trace, own), np.empty((trace.steps, 0))
-        arrays[f"step.{name}"] = nothing if momentum is None else momentum[run]
 
-    def gather(channels: Rows, rows: Rows) -> dict[str, NDArray[Any]]:
-        some = span_of(rows)
-        return {path: each[some] for path, each in arrays.items()} | _head_fields(
-            channels, times[some]
+    def __init__(
+        self, trace: Trace, times: Times, pairs: Mapping[int, tuple[PairTrace, PairSeries]]
+    ) -> None:
+        """Take log times (n, N + 1), and pairs with net quantities by channel, in order."""
+        arrays = {name: getattr(trace, name) for name in ("time", "qpos", "qvel")}
+        arrays |= {f"step.{name}": getattr(trace, own) for own, (name, _) in STEP_ARRAYS.items()}
+        for own, name in MOMENTUM_ARRAYS.items():
+            momentum, nothing = getattr(trace, own), np.empty((trace.runs, trace.steps, 0))
+            arrays[f"step.{name}"] = nothing if momentum is None else momentum
+        momenta = 0 if trace.momentum is None else 3
+        self._sizes, self._momenta = (trace.qpos.shape[2], trace.qvel.shape[2]), momenta
+        self._rows = np.arange(trace.steps + 1)
+        self.states = Columns({STATE_CHANNEL: arrays | _head_fields(STATE_CHANNEL, times)})
+        self.contacts = Columns(
+            {
+                channel: _contact_arrays(pair, net, trace.timestep)
+                | _head_fields(channel, times[:, :-1])
+                for channel, (pair, net) in pairs.items()
+            }
         )
+        shape = 0, trace.runs, trace.steps
+        counts = [net.contacts for _, net in pairs.values()]
+        self._counts = np.stack(counts) if counts else np.zeros(shape, np.int32)
 
-    rows = np.arange(trace.steps + 1)
-    layout = state_record(nq, nv, 0 if trace.momentum is None else 3)
-    states = Records(np.full_like(rows, STATE_CHANNEL), rows, layout, gather)
-    yield states.select_records(slice(-1))
-    yield states.select_records(slice(-1, None))._replace(layout=last_state_record(nq, nv))
+    def state_records(self, run: int) -> Iterator[Records]:
+        """Yield the state before each step with the step's quantities, then the last state."""
+        rows, layout = self._rows, state_record(*self._sizes, self._momenta)
+        states = Records(np.full_like(rows, STATE_CHANNEL), rows, layout, self.states, run)
+        yield states.select_records(slice(-1))
+        last = last_state_record(*self._sizes)
+        yield states.select_records(slice(-1, None))._replace(layout=last)
 
-
-def contact_records(
-    pairs: Mapping[int, tuple[PairTrace, PairSeries]], times: Times, timestep: float, run: int
-) -> Iterator[Records]:
-    """Yield the steps with contact, grouped over all pairs by number of contact points.
-
-    Pairs, with their net quantities, are given by the ids of their channels, in order.
-    """
-    if not pairs:
-        return
-    ids = np.array([*pairs])
-
-    def of_pairs(name: str) -> NDArray[Any]:
-        return np.stack([getattr(series, name)[run] for _, series in pairs.values()])
-
-    counts = of_pairs("contacts")
-    arrays = {name: of_pairs(own) for own, (name, _) in PAIR_ARRAYS.items()} | {"count": counts}
-
-    def gather(count: int, channels: Rows, rows: Rows) -> dict[str, NDArray[Any]]:
-        where = np.searchsorted(ids, channels), rows
-        values = {path: each[where] for path, each in arrays.items()} | _head_fields(
-            channels, times[rows]
-        )
-        net = values["normal_force"], values["tangential_force"], values["distance"]
-        firsts = np.flatnonzero(np.diff(channels, prepend=0)).tolist()
-        spans = [slice(*ends) for ends in pairwise([*firsts, len(rows)])]
-        slots = [
-            pairs[int(channels[span.start])][0].slots[run, span_of(rows[span]), :count]
-            for span in spans
-        ]
-        points = np.concatenate(slots)
-        values["found"] = points[:, 0, FOUND].astype(np.int32)
-        values |= {f"points.{name}": points[..., columns] for name, columns in POINT_FIELDS.items()}
-        return values | derived_fields(*net, timestep)
-
-    for count in range(1, counts.max() + 1):
-        places, rows = np.nonzero(counts == count)
-        if len(rows):
-            yield Records(ids[places], rows, contacts_record(count), partial(gather, count))
+    def contact_records(self, run: int) -> Iterator[Records]:
+        """Yield the steps with contact, grouped over all pairs by number of contact points."""
+        counts = self._counts[:, run]
+        for count in range(1, counts.max(initial=0) + 1):
+            places, rows = np.nonzero(counts == count)
+            if len(rows):
+                ids = self.contacts.ids[places]
+                yield Records(ids, rows, contacts_record(count), self.contacts, run)
 
 
-def _head_fields(channels: Rows, times: Times) -> dict[str, NDArray[Any]]:
-    """Return the head fields of records with these (m,) channels and log times."""
-    return {"channel": channels, "log_time": times, "publish_time": times}
+def _contact_arrays(pair: PairTrace, net: PairSeries, timestep: Floats) -> dict[str, NDArray[Any]]:
+    arrays = {name: getattr(net, own) for own, (name, _) in PAIR_ARRAYS.items()}
+    arrays |= {"count": net.contacts, "found": pair.found}
+    arrays |= {f"points.{name}": pair.slots[..., columns] for name, columns in POINT_FIELDS.items()}
+    return arrays | derived_fields(net.normal, net.tangential, net.distance, timestep[:, None])
+
+
+def _head_fields(channel: int, times: Times) -> dict[str, NDArray[Any]]:
+    """Return the head fields of a channel's records with log times (n, rows)."""
+    number = np.broadcast_to(np.array(channel, "<u2"), times.shape)
+    return {"channel": number, "log_time": times, "publish_time": times}
 
 
 def derived_fields(
-    normal: Floats, tangential: Floats, distance: Floats, timestep: float
+    normal: Floats, tangential: Floats, distance: Floats, timestep: Floats | float
 ) -> dict[str, Floats]:
     """Return the contact values that follow from others, by field."""
     with np.errstate(over="ignore", invalid="ignore"):

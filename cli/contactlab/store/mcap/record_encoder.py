@@ -1,19 +1,24 @@
-"""Writes Message records, indexes of chunks and values of blocks by NumPy.
+"""Writes Message records, indexes of chunks and values of blocks.
 
-The records of a group are filled column by column, then scattered over the chunks.
+Records are filled in C, record by record, or without a compiler by NumPy, column by column.
 """
 
+import ctypes
 import struct
-from collections.abc import Callable, Mapping
-from itertools import accumulate, pairwise
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
+from contactlab.errors import CompilerError
+from contactlab.native import compile_library, is_wanted
 from contactlab.store.mcap.encode_buffers import SCRATCH
-from contactlab.store.mcap.trace_messages import MessageLayout
+from contactlab.store.mcap.trace_messages import FieldPlace, MessageLayout
 
 Bytes = NDArray[np.uint8]
 Rows = NDArray[np.intp]
@@ -22,7 +27,51 @@ Items = NDArray[np.void]
 Unsigned = NDArray[np.unsignedinteger]
 
 INDEX_HEAD = struct.Struct("<BQHI")
-_BLOCK_BYTES = 1 << 19  # bytes of records that are filled at once
+_BLOCK_BYTES = 1 << 19  # bytes of records that NumPy fills at once
+
+
+class Columns:
+    """Numbers of the messages of n runs, channel by channel.
+
+    Each array is (n, rows, ...), by the path of its field in a record. Addresses are looked up once
+    for all runs, because that takes longer than filling a short run's records.
+    """
+
+    def __init__(self, arrays: Mapping[int, Mapping[str, NDArray[Any]]]) -> None:
+        """Take the arrays of channels by their ids, in order; all channels have the same fields."""
+        self.ids = np.array([*arrays])
+        self._channels = [*arrays.values()]
+        self._sources: dict[tuple[str, ...], tuple[Integers, list[NDArray[Any]]]] = {}
+
+    def find_arrays(self, channel: int) -> Mapping[str, NDArray[Any]]:
+        """Return arrays of a channel."""
+        return self._channels[int(np.searchsorted(self.ids, channel))]
+
+    def locate_sources(self, layout: MessageLayout, run: int) -> Integers:
+        """Return (channels, fields, 3) addresses of a run's first numbers, and their strides."""
+        paths = tuple(layout.fields)
+        if paths not in self._sources:
+            # Numbers as a record holds them, with those of an item next to each other.
+            arrays = [
+                _packed_numbers(arrays[path], place)
+                for arrays in self._channels
+                for path, place in layout.fields.items()
+            ]
+            table = [(each.ctypes.data, *each.strides[:3], 0)[:4] for each in arrays]
+            shape = len(self._channels), len(paths), 4
+            self._sources[paths] = np.array(table, np.int64).reshape(shape), arrays
+        table, _ = self._sources[paths]
+        address, stride = table[..., 0], table[..., 1]
+        return np.stack([address + run * stride, table[..., 2], table[..., 3]], axis=-1)
+
+
+def _packed_numbers(array: NDArray[Any], place: FieldPlace) -> NDArray[Any]:
+    # The types that `fill_records` takes.
+    kind = np.dtype("<f8") if place.kind == np.float32 else place.kind
+    packed = array.astype(kind, copy=False)
+    is_vector = bool(place.shape) and place.strides[-1] == place.kind.itemsize
+    scattered = is_vector and packed.strides[-1] != packed.itemsize
+    return np.ascontiguousarray(packed) if scattered else packed
 
 
 class Records(NamedTuple):
@@ -31,52 +80,115 @@ class Records(NamedTuple):
     channels: Rows  # (m,) the id of each record's channel
     rows: Rows  # (m,) its state row
     layout: MessageLayout
-    gather: Callable[[Rows, Rows], Mapping[str, NDArray[Any]]]
-    """Returns the numbers for records of some (k,) channels and rows: (k, ...) by the path of
-    their field in a record."""
+    columns: Columns
+    run: int
 
     def select_records(self, some: slice) -> "Records":
         """Return some of them."""
         return self._replace(channels=self.channels[some], rows=self.rows[some])
 
 
+@cache
+def _load_filler() -> Callable[..., None] | None:
+    # Without a compiler, NumPy writes the records.
+    try:
+        fill = ctypes.CDLL(str(compile_library(Path(__file__).with_suffix(".c")))).fill_records
+    except (CompilerError, OSError):
+        return None
+    pointer, number = ctypes.c_void_p, ctypes.c_int64
+    fill.argtypes = (
+        pointer,
+        number,
+        *[pointer] * 3,
+        ctypes.c_char_p,
+        number,
+        pointer,
+        pointer,
+        number,
+    )
+    fill.restype = None
+    return fill
+
+
 def write_records(records: Records, data: Bytes, starts: Integers) -> None:
-    """Write records at their starts (m,) in a buffer, in blocks that fit into a cache."""
+    """Write records at their starts (m,) in a buffer."""
+    layout, columns = records.layout, records.columns
+    fill = _load_filler() if is_wanted() else None
+    if fill is None or not len(starts):
+        _write_by_columns(records, data, starts)
+        return
+    places, sources = layout.places, columns.locate_sources(layout, records.run)
+    channels = np.searchsorted(columns.ids, records.channels)
+    arrays = [np.ascontiguousarray(each, np.int64) for each in (starts, channels, records.rows)]
+    addresses = [each.ctypes.data for each in arrays]
+    fill(
+        data.ctypes.data,
+        len(starts),
+        *addresses,
+        layout.template,
+        layout.size,
+        places.ctypes.data,
+        sources.ctypes.data,
+        len(places),
+    )
+
+
+def _write_by_columns(records: Records, data: Bytes, starts: Integers) -> None:
     layout = records.layout
+    # Blocks of records fit into a cache.
     stride = max(1, _BLOCK_BYTES // layout.size)
-    for first in range(0, len(starts), stride):
-        some = slice(first, first + stride)
-        channels, rows = records.channels[some], records.rows[some]
-        items = layout.fill_items(SCRATCH.take_buffer("records", len(rows) * layout.size))
-        values = records.gather(channels, rows)
-        with np.errstate(over="ignore"):
-            for path in layout.fields:
-                target = items
-                for name in path.split("."):
-                    target = target[name]
-                target[...] = values[path]
-        overlapping_view(data, layout.size)[starts[some]] = items.view(f"V{layout.size}")
+    changes = np.flatnonzero(np.diff(records.channels)) + 1
+    for begin, end in pairwise([0, *changes.tolist(), len(starts)]):
+        for first in range(begin, end, stride):
+            some = slice(first, min(first + stride, end))
+            rows = records.rows[some]
+            items = layout.fill_items(SCRATCH.take_buffer("records", len(rows) * layout.size))
+            arrays = records.columns.find_arrays(int(records.channels[begin]))
+            with np.errstate(over="ignore"):
+                for path in layout.fields:
+                    target = items
+                    for name in path.split("."):
+                        target = target[name]
+                    # A pair may have more slots than these records have points.
+                    values = arrays[path][records.run][rows]
+                    target[...] = values[:, : target.shape[1]] if target.ndim > 1 else values
+            overlapping_view(data, layout.size)[starts[some]] = items.view(f"V{layout.size}")
+
+
+class ChunkIndexes(NamedTuple):
+    """The MessageIndex records of a chunk, and the start of each channel's among them."""
+
+    data: bytes
+    starts: Mapping[int, int]
 
 
 def message_indexes(
-    times: NDArray[np.uint64], sizes: Integers, offsets: Integers
-) -> tuple[bytes, dict[int, int]]:
-    """Return the MessageIndex records of a chunk, and the start of each channel's among them.
+    times: NDArray[np.uint64], sizes: Integers, offsets: Integers, cuts: Sequence[int]
+) -> list[ChunkIndexes]:
+    """Return the indexes of each chunk; chunks begin at all cuts except the last.
 
-    It has messages of these (rows, channels) sizes at offsets from the start of all chunks.
+    Messages have these (rows, channels) sizes, at offsets from the start of all chunks.
     """
-    used = np.ascontiguousarray(sizes.T) != 0
-    entries = np.empty((np.count_nonzero(used), 2), np.uint64)
-    entries[:, 0] = np.broadcast_to(times, used.shape)[used]
-    entries[:, 1] = (offsets - offsets[0, 0]).T[used]
-    counts, data = np.count_nonzero(used, axis=1), entries.tobytes()
-    channels = np.flatnonzero(counts)
-    entry_size = 16  # of a time and an offset, each of 8 bytes
-    ends = accumulate((counts[channels] * entry_size).tolist(), initial=0)
-    parts = [data[start:end] for start, end in pairwise(ends)]
-    found = [*map(_encode_index, numbers := (channels + 1).tolist(), parts)]
-    starts = accumulate(map(len, found), initial=0)
-    return b"".join(found), dict(zip(numbers, starts, strict=False))
+    used = sizes != 0
+    channels, rows = np.nonzero(used.T)
+    chunk_of_row = np.repeat(np.arange(len(cuts) - 1), np.diff(cuts))
+    entries = np.empty((len(rows), 2), np.uint64)
+    entries[:, 0] = times[rows]
+    entries[:, 1] = offsets[rows, channels] - offsets[cuts[:-1], 0][chunk_of_row[rows]]
+    data, entry_size = entries.tobytes(), 16  # of a time and an offset, each of 8 bytes
+    # Entries are sorted by channel, then by chunk.
+    counts = np.add.reduceat(used, cuts[:-1], axis=0, dtype=np.int64).T
+    ends = (np.cumsum(counts).reshape(counts.shape) * entry_size).tolist()
+    found = list[ChunkIndexes]()
+    for chunk, lengths in enumerate((counts.T * entry_size).tolist()):
+        parts, starts, size = list[bytes](), dict[int, int](), 0
+        for channel, length in enumerate(lengths, start=1):
+            if length:
+                end = ends[channel - 1][chunk]
+                parts.append(_encode_index(channel, data[end - length : end]))
+                starts[channel], size = size, size + len(parts[-1])
+        found.append(ChunkIndexes(b"".join(parts), starts))
+    return found
 
 
 def pack_values(records: Bytes, layout: MessageLayout, data: Bytes) -> None:
@@ -93,12 +205,6 @@ def pack_values(records: Bytes, layout: MessageLayout, data: Bytes) -> None:
         columns = np.ascontiguousarray(signed.T).view(np.uint8).reshape(-1, width)
         data[: columns.size] = columns.T.ravel()
         data = data[columns.size :]
-
-
-def span_of(rows: Rows) -> Rows | slice:
-    """Return rows as a slice if they are consecutive, which indexes without a copy."""
-    consecutive = len(rows) > 0 and rows[-1] - rows[0] == len(rows) - 1
-    return slice(int(rows[0]), int(rows[-1]) + 1) if consecutive else rows
 
 
 def overlapping_view(data: Bytes, size: int) -> NDArray[np.void]:

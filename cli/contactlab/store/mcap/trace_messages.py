@@ -217,6 +217,18 @@ class MessageLayout:
         return dict(_field_places("", FieldPlace(self.dtype, 0)))
 
     @cached_property
+    def places(self) -> NDArray[np.int64]:
+        """(fields, 6) places in records, as record_encoder.c describes them."""
+        rows = list[tuple[int, ...]]()
+        for field in self.fields.values():
+            size, shape, strides, numbers = field.kind.itemsize, field.shape, field.strides, 1
+            if shape and strides[-1] == size:
+                numbers, shape, strides = shape[-1], shape[:-1], strides[:-1]
+            items = *(strides or (0,)), *(shape or (1,))
+            rows.append((field.start, *items, numbers, size, field.kind == np.float32))
+        return np.array(rows, np.int64)
+
+    @cached_property
     def constant(self) -> NDArray[np.bool_]:
         """(size,) mask of bytes that are the same in all items: template bytes without values."""
         constant = np.ones(self.size, np.bool_)

@@ -33,10 +33,9 @@ from contactlab.store.mcap.file_parts import (
 from contactlab.store.mcap.message_encoder import (
     STATE_CHANNEL,
     Times,
-    contact_records,
+    TraceColumns,
     message_group,
     single_message,
-    state_records,
 )
 from contactlab.store.mcap.trace_messages import (
     CONTACTS,
@@ -66,10 +65,11 @@ class TraceEncoder:
         self._pairs = tuple(pair.name for pair in trace.pairs)
         channels = {name: channel for channel, name in enumerate(self._pairs, STATE_CHANNEL + 1)}
         found = {channels[net.name]: net for net in series if net.contacts.any()}
-        self._touching = {
+        touching = {
             channel: (trace.pairs[channel - STATE_CHANNEL - 1], found[channel])
             for channel in sorted(found)
         }
+        self._columns = TraceColumns(trace, self._times, touching)
 
     def encode_run(
         self,
@@ -99,8 +99,8 @@ class TraceEncoder:
         start = with_metadata(start, _METADATA_NAME, metadata)
         timestep = trace.timestep[run].item()
         records = [
-            *state_records(trace, times, run),
-            *contact_records(self._touching, times, timestep, run),
+            *self._columns.state_records(run),
+            *self._columns.contact_records(run),
         ]
         channels = len(start.topics)
         each = np.concatenate([record.channels for record in records]) - 1
