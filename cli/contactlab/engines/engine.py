@@ -175,11 +175,16 @@ class PreparedRuns:
     policy: PolicyClass | None = None
 
     @classmethod
-    def of(cls, scene: Scene, *resolved: RunSpec) -> "PreparedRuns":
-        """Prepare runs of one structure and step count."""
+    def of(cls, scene: Scene, *resolved: RunSpec, drawn: bool = True) -> "PreparedRuns":
+        """Prepare runs of one structure and step count.
+
+        If they are not `drawn`, their models lack data that only drawing reads.
+        """
         starts = scene.initial_states(resolved)
+        compiled = None if drawn else scene.base_of(resolved[0]).motion_model
         prepared = [
-            scene.prepare(run, starts.select_run(place)) for place, run in enumerate(resolved)
+            scene.prepare(run, starts.select_run(place), compiled)
+            for place, run in enumerate(resolved)
         ]
         return cls(scene, resolved, prepared, starts, resolved[0].steps)
 

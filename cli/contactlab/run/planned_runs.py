@@ -19,7 +19,7 @@ from contactlab.accuracy.reference import PlannedModel
 from contactlab.engines import ENGINES, engine_of
 from contactlab.engines.engine import Watch, bytes_of_run, no_limit
 from contactlab.errors import OutputError, SceneError, StoreError, SweepFileError
-from contactlab.mjcf import AT_REST
+from contactlab.mjcf import AT_REST, MODEL_ENGINE
 from contactlab.plan.grid import Plan, Row
 from contactlab.run.tasks import Job, Task
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
@@ -360,7 +360,8 @@ class Preparer:
         base = self.scene.base_of(run)
         key = shared, is_straight(base.model, start)
         if key not in self._models:
-            self._models[key] = self.scene.prepare(run, start)
+            compiled = base.motion_model if run.engine == MODEL_ENGINE else None
+            self._models[key] = self.scene.prepare(run, start, compiled)
             # Small models are limited by number, and large ones by their bytes.
             most = min(64, _max_models(base))
             while len(self._models) > most:

@@ -54,6 +54,7 @@ from contactlab.scene.model_edits import (
     write_settings,
 )
 from contactlab.scene.model_names import find_id, is_address, name_of
+from contactlab.scene.motion_model import drop_drawn_data
 from contactlab.scene.scene_source import BINARY, SceneSource
 from contactlab.scene.task import keyframe_names
 from contactlab.scene.timed_inputs import HoldSpec, find_hold
@@ -85,6 +86,11 @@ class CompiledScene:
     def size(self) -> int:
         """Memory of the model, and of each copy made for a run [bytes]; mostly meshes."""
         return int(mujoco.mj_sizeModel(self.model))
+
+    @cached_property
+    def motion_model(self) -> mujoco.MjModel:
+        """The same without data that only drawing reads; its copies are cheap."""
+        return drop_drawn_data(self.model)
 
     @cached_property
     def id_entries(self) -> Mapping[str, str]:

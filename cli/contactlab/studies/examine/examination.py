@@ -46,7 +46,7 @@ from contactlab.studies.examine.conclusion import conclude, find_failed_checks
 from contactlab.studies.examine.contact_values import measure_contacts, split_values
 from contactlab.studies.examine.design_causes import find_lost_grip, find_sagging_servo
 from contactlab.studies.examine.engine_faults import MetFaults, find_met_faults
-from contactlab.studies.examine.facts import facts
+from contactlab.studies.examine.facts import facts, list_inertia_facts
 from contactlab.studies.examine.field_passages import (
     FINER_GRID,
     find_field_passages,
@@ -373,6 +373,7 @@ def _measure_budget(
             *met.facts,
             *list_falls(examined.motions[0], repaired.causes),
             *facts(examined.motions, times),
+            *list_inertia_facts(examined.prepared.model),
             *(() if designs else list_sagging_servos(report.servos)),
             *list_loop_facts(report.loop),
             *(list_unheld_servos(report.servos) if request.assign else ()),  # as lint has them

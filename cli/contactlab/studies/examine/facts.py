@@ -80,7 +80,6 @@ def facts(motions: Sequence[Motion], begins: Sequence[float]) -> tuple[Fact, ...
         *_find_joint_off_limits(motions[0]),
         *_of_equalities(motions[0], gaps),
         *pressing,
-        *_of_mass(model),
     )
 
 
@@ -313,7 +312,8 @@ def _of_force(motion: Motion, run: Run) -> Iterator[Fact]:
         yield Fact(kind="force", place=place, value=force, unit="N", sentence=sentence)
 
 
-def _of_mass(model: mujoco.MjModel) -> Iterator[Fact]:
+def list_inertia_facts(model: mujoco.MjModel) -> Iterator[Fact]:
+    """Yield the bodies with masses or inertias that no shape or density has."""
     alike: dict[tuple[str, float], list[InertiaFault]] = {}
     for fault in inertia_faults(model):
         alike.setdefault((fault.kind, fault.limit), []).append(fault)
