@@ -360,3 +360,15 @@ def test_a_change_that_moves_the_model_as_another_is_tried_once() -> None:
     tried = {one.name for one in try_fixes([motion], verdict, trial=Trial(FAST))}
     assert "half the step" in tried
     assert not {"implicitfast", "implicitfast at half the step"} & tried
+
+
+def test_a_fix_that_includes_another_has_to_come_nearer() -> None:
+    """A part that removes the verdict at its edge is enough, unless more comes nearer."""
+    xml = """<mujoco><option timestep=".002"/><worldbody><geom type="plane" size="1 1 .1"/>
+        <body pos="0 0 .1"><freejoint/><geom size=".1" margin=".02"/></body></worldbody></mujoco>"""
+    motion = motion_of(xml, 0.2)
+    verdict = judge(error_budget([motion], rows=["contact softness"], settings=FAST))
+    (own,) = (one for one in candidates_against([motion], verdict) if one.apply == MARGIN)
+    more = replace(own, name="more", apply="more", includes=(own.name,))
+    found = try_fixes([motion], verdict, candidates=[own, more], trial=Trial(FAST))
+    assert [fix.name for fix in found] == [own.name]

@@ -299,8 +299,9 @@ def try_fixes(
     candidate that does not come nearer is not judged further.
 
     A candidate is not tried if it moves the model as the model as written, or another candidate,
-    does; if it includes a fix that is enough alone; if it has a finer step than a fix that removes
-    the verdict under half of the tolerance, or than one that separates overlapping links; or if it
+    does; if it includes a fix that is enough alone, or one that comes at least as near to the
+    reference; if it has a finer step than a fix that removes the verdict under half of the
+    tolerance, or than one that separates overlapping links; or if it
     changes softness where another computation of the same model removes the verdict. A fix that a
     load rejects counts as one that removes the verdict, but not as one that is enough alone; after
     `trial.most` of them none is tried.
@@ -338,7 +339,7 @@ def try_fixes(
         most = math.inf if trial.most is None else trial.most
         enough = harmful >= most or (len(removing) >= most and safely)
         alike = _is_alike(candidate, own, moved)
-        if enough or alike or _is_redundant(candidate, word, removing):
+        if enough or alike or _is_redundant(candidate, own, word, removing):
             continue
         moved.append((candidate.rate, own))
         tried.append(judged.judge_fix(candidate, before, own))
@@ -364,12 +365,15 @@ def _is_alike(candidate: Candidate, apart: float, moved: Sequence[tuple[int, flo
     )
 
 
-def _is_redundant(candidate: Candidate, word: VerdictWord, removing: Sequence[TriedFix]) -> bool:
+def _is_redundant(
+    candidate: Candidate, apart: float, word: VerdictWord, removing: Sequence[TriedFix]
+) -> bool:
     """Return whether a candidate is redundant next to the fixes that remove the verdict."""
     computed = [fix for fix in removing if not fix.changes_model]
     parted = any(fix.edits.fixes_start for fix in removing)
+    included = [fix for fix in removing if fix.name in candidate.includes]
     return (
-        any(fix.name in candidate.includes and fix.safely for fix in removing)
+        any(fix.safely or (fix.removes and apart >= fix.distance) for fix in included)
         or (candidate.rate > _ALWAYS_TRIED_RATE and (any(one.safely for one in computed) or parted))
         or (candidate.changes_model and word == "depends" and bool(computed))
     )

@@ -60,7 +60,7 @@ def drop_drawn_data(model: mujoco.MjModel, least_bytes: int = 1 << 18) -> mujoco
 
 
 def _find_moving_meshes(model: mujoco.MjModel) -> Keep:
-    """Return (nmesh,) whether a geom with a mesh may touch something, or may be measured."""
+    # (nmesh,) whether a geom with a mesh may touch something, or may be measured.
     sensors = {mujoco.mjtSensor(int(kind)).name for kind in model.sensor_type}
     if model.nplugin or any(word in name for name in sensors for word in _SHAPE_SENSORS):
         return np.ones(model.nmesh, bool)
@@ -74,7 +74,7 @@ def _find_moving_meshes(model: mujoco.MjModel) -> Keep:
 
 
 def _list_kept_rows(model: mujoco.MjModel) -> Iterator[tuple[str, Keep]]:
-    """Yield sizes of arrays that lose rows, and (size,) whether a row stays."""
+    # Sizes of arrays that lose rows, and (size,) whether a row stays.
     gone = ~_find_moving_meshes(model)
     known = dict[str, Keep]()
     for size, (first, count) in _MESH_ROWS.items():
@@ -107,13 +107,7 @@ def _keep_others(size: int, begins: NDArray[np.int32], counts: NDArray[np.int32]
 
 
 def _write_rows(model: mujoco.MjModel, keeps: Mapping[str, Keep]) -> bytes:
-    """Return the bytes of a saved model with some rows of its arrays.
-
-    A saved model is a header with all sizes, the options, and all arrays in the order of mjModel.
-
-    Raises:
-        ValueError: this version of MuJoCo saves models in another form.
-    """
+    # A saved model is a header with all sizes, the options, and all arrays in the order of mjModel.
     from mujoco.introspect.structs import STRUCTS  # noqa: PLC0415 - for heavy models only
 
     saved = np.empty(mujoco.mj_sizeModel(model), np.uint8)
@@ -159,7 +153,7 @@ def _write_rows(model: mujoco.MjModel, keeps: Mapping[str, Keep]) -> bytes:
 
 
 def _list_addresses(model: mujoco.MjModel, keeps: Mapping[str, Keep]) -> dict[str, np.ndarray]:
-    """Return fields with the first rows and numbers of rows that they have after some have gone."""
+    # First rows and numbers of rows, after some rows have gone.
     fields = dict(_OTHER_ADDRESSES)
     counts = dict[str, tuple[str, str]]()
     for size, (first, count) in _MESH_ROWS.items():
@@ -188,7 +182,7 @@ def _count_bytes(array: np.ndarray | bytes) -> int:
 
 
 def _count_buffer(lengths: Iterable[int]) -> int:
-    """Return the bytes of a buffer in which each array begins at a cache line, as in MuJoCo's."""
+    # In MuJoCo's buffer, each array begins at a cache line.
     total = 0
     for length in lengths:
         total += -total % _LINE_BYTES + length

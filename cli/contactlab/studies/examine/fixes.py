@@ -154,6 +154,7 @@ class FixSearch:
             against = [*filter(self._keeps_integrator, against)]
         self._candidates = (*starts, *against, *shapes)
         self.label_trials, self.not_tried, self._went_further = 0, list[str](), False
+        self._dropped = set[str]()
         self.without_labels = list[TriedFix]()
         found = try_fixes(motions, verdict, candidates=self._candidates, trial=self._current_trial)
         ended = [fix for fix in found if fix.is_complete]
@@ -224,6 +225,18 @@ class FixSearch:
 
     def search_further(self) -> bool:
         """Return whether a fix beyond the usual ones helps, after these were dropped."""
+        # A fix that includes a dropped one was left out for it, and may do no harm.
+        wider = [one for one in self._candidates if self._dropped.intersection(one.includes)]
+        self._dropped.clear()
+        known = {fix.name for fix in self.tried}
+        if wider := [one for one in wider if one.name not in known]:
+            trial = self._current_trial
+            found = try_fixes(self._motions, self._verdict, candidates=wider, trial=trial)
+            self.not_tried += [fix.name for fix in found if not fix.is_complete]
+            self.helping = [fix for fix in found if fix.removes]
+            self.tried = [*self.tried, *(fix for fix in found if fix.is_complete)]
+            if self.helping:
+                return True
         if self._went_further:
             return False
         self.helping = [*self._try_further(None, self._repeats.labels)]
@@ -360,6 +373,7 @@ class FixSearch:
 
     def drop_fix(self, name: str) -> None:
         """Report a fix no longer, and do not write it."""
+        self._dropped.add(name)
         self.helping = [fix for fix in self.helping if fix.name != name]
         self.without_labels = [fix for fix in self.without_labels if fix.name != name]
         self._parting = [candidate for candidate in self._parting if candidate.name != name]
