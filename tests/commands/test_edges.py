@@ -96,7 +96,7 @@ def test_a_name_that_is_no_text_is_refused(contactlab: Run, tmp_path: Path) -> N
     [
         (0.1, "[1.0e-3, 1.0e-300]", "0.1 s in steps of 1e-300 s are too many"),
         (0.1, "[5.0e-324]", "are too many; lengthen `timestep`"),
-        (10, "[1.0e-3, 1.0e-7]", "steps would record 38.0 GiB in memory; the limit is 1 GiB"),
+        (100, "[1.0e-3, 1.0e-7]", "steps would record 380.0 GiB in "),
     ],
 )
 def test_runs_that_no_memory_holds_are_refused_at_once(

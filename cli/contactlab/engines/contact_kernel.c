@@ -143,13 +143,22 @@ static void measure(const mjModel* m, const mjData* d, int index, int flip, mjtN
   }
 }
 
+/* Where the memory of slots comes from, which other libraries may provide. */
+static void* (*resize_slots)(void*, size_t) = realloc;
+static void (*release_slots)(void*) = free;
+
+void set_memory(void* (*resize)(void*, size_t), void (*release)(void*)) {
+  resize_slots = resize;
+  release_slots = release;
+}
+
 /* Make room for so many slots of a pair; return whether there is memory for them. */
 static int make_room(Recording* recording, Pair* pair, size_t count) {
   if (count <= pair->room) {
     return 1;
   }
   size_t all = recording->rows * pair->width, room = count <= all ? all : 2 * count + 64;
-  mjtNum* slots = realloc(pair->slots, room * WIDTH * sizeof(mjtNum));
+  mjtNum* slots = resize_slots(pair->slots, room * WIDTH * sizeof(mjtNum));
   if (!slots) {
     recording->lacks_memory = 1;
     return 0;
@@ -502,6 +511,7 @@ static void prepare_pairs(Recording* recording) {
 
 /* Keep the memory of slots for others, of which there is some for each pair at most. */
 static void keep_memory(Recording* recording) {
+  const size_t most = ((size_t)1 << 28) / (WIDTH * sizeof(mjtNum)); /* more is of one long run */
   if (recording->pairs > spare.pairs) {
     Memory* memory = realloc(spare.memory, recording->pairs * sizeof(Memory));
     if (memory) {
@@ -512,11 +522,11 @@ static void keep_memory(Recording* recording) {
   }
   for (Pair* pair = recording->pair; pair < recording->pair + recording->pairs; pair++) {
     Memory* memory = spare.memory + pair->number;
-    if (pair->number < spare.pairs && pair->room > memory->room) {
-      free(memory->slots);
+    if (pair->number < spare.pairs && pair->room > memory->room && pair->room <= most) {
+      release_slots(memory->slots);
       *memory = (Memory){pair->slots, pair->room};
     } else {
-      free(pair->slots);
+      release_slots(pair->slots);
     }
   }
 }

@@ -21,6 +21,7 @@ import mujoco
 import numpy as np
 
 from contactlab.contact.trace_arrays import FOUND, SLOT_WIDTH, Floats
+from contactlab.disk_arrays import disk_memory_in_use
 from contactlab.engines.engine import Buffers, PreparedRuns, Proceed, Rollout, Watch
 from contactlab.engines.mujoco_batch import PERSISTENT, STATE, BatchStepper, roll_out
 from contactlab.engines.step_work import FORCES
@@ -49,6 +50,7 @@ class Kernel(ctypes.CDLL):
             (_POINTER_TYPE, _INT_TYPE),
         )
         self.find_slots.argtypes = _POINTER_TYPE, _INT_TYPE, _POINTER_TYPE, _POINTER_TYPE
+        self.set_memory.argtypes = _POINTER_TYPE, _POINTER_TYPE
         self.close_recording.argtypes = self.end_loop.argtypes = (_POINTER_TYPE,)
         self.open_loop.restype, self.open_loop.argtypes = (
             _POINTER_TYPE,
@@ -81,6 +83,9 @@ def roll_out_by_kernel(
     )
     if kernel is None or any(flags):
         return roll_out(models, starts, steps, buffers, watch, proceed)
+    if disk := disk_memory_in_use():
+        # Slots of long runs lie in files, like NumPy's arrays.
+        kernel.set_memory(*disk.functions)
     contacts = KernelStepper(kernel, runs)
     rollout = roll_out(models, starts, steps, buffers, watch, proceed, stepper=contacts)
     rollout = replace(rollout, slots=contacts.slots(len(rollout.steps)))

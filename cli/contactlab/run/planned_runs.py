@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.accuracy.reference import PlannedModel
+from contactlab.disk_arrays import load_disk_memory
 from contactlab.engines import ENGINES, engine_of
 from contactlab.engines.engine import Watch, bytes_of_run, no_limit
 from contactlab.errors import OutputError, SceneError, StoreError, SweepFileError
@@ -48,6 +49,8 @@ MAX_RUNS, _USUAL_RUNS, _SHORT_STEPS = 512, 32, 1 << 13
 LEAST_WORK, SMALL_WORK = 1 << 19, 1 << 22
 # Bytes of states and sensors of a job; with temporary arrays a worker needs three times as much.
 JOB_BYTES = 64 << 20
+# Bytes of a run with arrays in temporary files; one with less takes three times as much memory.
+LONG_BYTES = 256 << 20
 # Bytes of compiled models of a worker; one with meshes may take tens of MiB.
 MODEL_BYTES = 256 << 20
 
@@ -78,7 +81,7 @@ class RunIndex:
 
         Raises a SceneError if the model's timestep is not positive, and the sweep sets no other; or
         if the times of a run's control or hold are inconsistent; a SweepFileError if a run would
-        record more than 1 GiB.
+        record more than 64 GiB, or more than 1 GiB without a compiler.
         """
         self._plan, self._scene = plan, scene
         # The first run of each shape, in order of appearance.
@@ -193,6 +196,22 @@ def _first_occurrences(values: NDArray[Any]) -> NDArray[np.bool_]:
     return first
 
 
+def _check_size(run: RunSpec, size: int) -> None:
+    # Without files, a worker needs three times as much memory, with temporary arrays.
+    most_bytes, where, remedy = 1 << 30, "in memory", ""
+    if size <= most_bytes:
+        return
+    if isinstance(memory := load_disk_memory(), str):
+        remedy = f", or let it record into files ({memory})"
+    else:
+        most_bytes, where = 64 << 30, "in files"
+    if size > most_bytes:
+        raise SweepFileError(
+            f"a run of {run.steps:,} steps would record {size / 2**30:.1f} GiB {where}; the limit "
+            f"is {most_bytes >> 30} GiB. Shorten `duration` or monitor fewer pairs{remedy}"
+        )
+
+
 class _RunCheck:
     """Checks the settings of runs before anything runs, once for runs that differ only in seed."""
 
@@ -215,13 +234,7 @@ class _RunCheck:
                     f"{run.duration:g} s in steps of {run.timestep:g} s are too many; lengthen "
                     "`timestep`"
                 )
-            size = bytes_of_run(self._scene.base_of(run).model, run.steps)
-            most_bytes = 1 << 30  # a worker needs three times as much, with temporary arrays
-            if size > most_bytes:
-                raise SweepFileError(
-                    f"a run of {run.steps:,} steps would record {size / 2**30:.1f} GiB in memory; "
-                    "the limit is 1 GiB. Shorten `duration` or monitor fewer pairs"
-                )
+            _check_size(run, bytes_of_run(self._scene.base_of(run).model, run.steps))
             self._least[shape] = run.timestep
         engine = engine_of(run)
         if isinstance(run.drive, PolicyDrive) and not engine.runs_policies:

@@ -4,7 +4,7 @@ import hashlib
 import os
 import time
 from collections.abc import Hashable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from contactlab.budget import backward_error
 from contactlab.budget.backward_error import whole_verdict
 from contactlab.contact.trace_arrays import SelfChecks, Trace
 from contactlab.contact.trace_setup import Setup
+from contactlab.disk_arrays import arrays_on_disk
 from contactlab.engines import engine_of
 from contactlab.engines.closed_loop import load_policy
 from contactlab.engines.engine import (
@@ -26,6 +27,7 @@ from contactlab.engines.engine import (
     Proceed,
     Rollout,
     Watch,
+    bytes_of_run,
     no_limit,
     proceed_always,
 )
@@ -46,7 +48,7 @@ from contactlab.run.evidence_record import (
     own_fields,
     row_of_crash,
 )
-from contactlab.run.planned_runs import JOB_BYTES, Preparer, reference_models
+from contactlab.run.planned_runs import JOB_BYTES, LONG_BYTES, Preparer, reference_models
 from contactlab.run.tasks import Finished, Job, Task, note_result
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.model_names import input_names
@@ -58,6 +60,7 @@ from contactlab.schema.evidence import LabelEntry, TraceFile
 from contactlab.store.backend import Backend
 from contactlab.store.controls_file import controls_name, encode_controls
 from contactlab.store.folder_backend import backend_at
+from contactlab.store.mcap.encode_buffers import SCRATCH
 from contactlab.store.mcap.trace_reader import ACTIVATIONS
 from contactlab.store.store_files import TRACES, time_now
 
@@ -115,13 +118,18 @@ class Worker:
         process, finished = os.getpid(), list[Finished]()
         if not self._proceed():
             return finished
-        if self._task.purpose == "record":
-            finished = self._play_episodes(job) if self._player else self._record_job(job)
-        elif self._task.purpose == "outcomes":
-            finished = self._play_outcomes(job)
-        else:
-            with suppress(_AbandonedError):
-                finished = self._run_pass(job)
+        size = bytes_of_run(self.scene.base_of(job[0]).model, job[0].steps)
+        with arrays_on_disk() if size > LONG_BYTES else nullcontext():
+            if self._task.purpose == "record":
+                finished = self._play_episodes(job) if self._player else self._record_job(job)
+            elif self._task.purpose == "outcomes":
+                finished = self._play_outcomes(job)
+            else:
+                with suppress(_AbandonedError):
+                    finished = self._run_pass(job)
+        if size > LONG_BYTES:
+            SCRATCH.drop_buffers()
+            self._buffers, self._twin_buffers = Buffers(JOB_BYTES), Buffers(JOB_BYTES)
         if os.getpid() != process:
             # A plug-in has forked this process, and its copy would return the results twice.
             os._exit(0)

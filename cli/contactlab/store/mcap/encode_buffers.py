@@ -38,5 +38,9 @@ class Scratch(threading.local):
             buffer = self._buffers[name] = np.empty(size, np.uint8)
         return buffer[:size]
 
+    def drop_buffers(self) -> None:
+        """Free all buffers, after a run that is much longer than others."""
+        self._buffers.clear()
+
 
 SCRATCH = Scratch()

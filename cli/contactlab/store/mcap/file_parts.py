@@ -6,7 +6,7 @@ the file's structure and of the record layouts: https://mcap.dev/spec
 
 import struct
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, pairwise, starmap
 from types import MappingProxyType
@@ -131,24 +131,38 @@ def encode_file(
     return b"".join(encode_parts(start, stream, packed))
 
 
+def encode_long_file(start: FileStart, stream: MessageStream) -> memoryview:
+    """Return a file in one array, which lies on disk if arrays do; see `encode_parts`."""
+    file, end = np.empty(len(stream.data) // 4, np.uint8), 0
+    for part in encode_parts(start, stream):
+        if end + len(part) > len(file):
+            longer = np.empty(2 * (end + len(part)), np.uint8)
+            longer[:end] = file[:end]
+            file = longer
+        file[end : end + len(part)] = np.frombuffer(part, np.uint8)
+        end += len(part)
+    return file[:end].data
+
+
 def encode_parts(
     start: FileStart, stream: MessageStream, packed: Mapping[int, bytes] = _NO_CHUNKS
-) -> Sequence[bytes]:
-    """Return the parts of a file, one after the other.
+) -> Iterator[bytes]:
+    """Yield the parts of a file, one after the other.
 
     Chunks in `packed`, by their first row, are kept, because another zstd may compress differently.
     """
-    parts, crc, position = [start.data], start.crc, len(start.data)
+    yield start.data
+    crc, position = start.crc, len(start.data)
     chunks: list[_Chunk] = []
     cuts = [*packed, len(stream.times)] if packed else stream.chunk_starts()
     indexes = message_indexes(stream.times, stream.sizes, stream.offsets, cuts)
     for (first, last), index in zip(pairwise(cuts), indexes, strict=True):
         chunk = _encode_chunk(stream, slice(first, last), position, index, packed.get(first))
-        parts += chunk.parts
-        chunks.append(chunk)
-        position += sum(map(len, chunk.parts))
-    for part in parts[1:]:
-        crc = zlib.crc32(part, crc)
+        for part in chunk.parts:
+            crc = zlib.crc32(part, crc)
+            position += len(part)
+            yield part
+        chunks.append(chunk._replace(parts=()))
     counts = np.count_nonzero(stream.sizes, axis=0).tolist()
     # The end of the data section, the summary and the footer.
     ends = chunks[0].first, chunks[-1].last
@@ -168,8 +182,7 @@ def encode_parts(
     # The summary's CRC covers the footer's own first fields too.
     end = summary + offsets + footer[: -SIZE.size]
     data_end = DATA_END.pack(Opcode.DATA_END, SIZE.size, crc)
-    parts.append(data_end + end + SIZE.pack(zlib.crc32(end)) + MCAP0_MAGIC)
-    return parts
+    yield data_end + end + SIZE.pack(zlib.crc32(end)) + MCAP0_MAGIC
 
 
 def _encode_chunk(

@@ -5,7 +5,7 @@ Records are filled in C, record by record, or without a compiler by NumPy, colum
 
 import ctypes
 import struct
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -164,8 +164,8 @@ class ChunkIndexes(NamedTuple):
 
 def message_indexes(
     times: NDArray[np.uint64], sizes: Integers, offsets: Integers, cuts: Sequence[int]
-) -> list[ChunkIndexes]:
-    """Return the indexes of each chunk; chunks begin at all cuts except the last.
+) -> Iterator[ChunkIndexes]:
+    """Yield the indexes of each chunk; chunks begin at all cuts except the last.
 
     Messages have these (rows, channels) sizes, at offsets from the start of all chunks.
     """
@@ -175,20 +175,18 @@ def message_indexes(
     entries = np.empty((len(rows), 2), np.uint64)
     entries[:, 0] = times[rows]
     entries[:, 1] = offsets[rows, channels] - offsets[cuts[:-1], 0][chunk_of_row[rows]]
-    data, entry_size = entries.tobytes(), 16  # of a time and an offset, each of 8 bytes
+    data, entry_size = entries.data.cast("B"), 16  # of a time and an offset, each of 8 bytes
     # Entries are sorted by channel, then by chunk.
     counts = np.add.reduceat(used, cuts[:-1], axis=0, dtype=np.int64).T
     ends = (np.cumsum(counts).reshape(counts.shape) * entry_size).tolist()
-    found = list[ChunkIndexes]()
     for chunk, lengths in enumerate((counts.T * entry_size).tolist()):
         parts, starts, size = list[bytes](), dict[int, int](), 0
         for channel, length in enumerate(lengths, start=1):
             if length:
                 end = ends[channel - 1][chunk]
-                parts.append(_encode_index(channel, data[end - length : end]))
+                parts.append(_encode_index(channel, data[end - length : end].tobytes()))
                 starts[channel], size = size, size + len(parts[-1])
-        found.append(ChunkIndexes(b"".join(parts), starts))
-    return found
+        yield ChunkIndexes(b"".join(parts), starts)
 
 
 def pack_values(records: Bytes, layout: MessageLayout, data: Bytes) -> None:

@@ -18,6 +18,7 @@ from mcap.writer import Writer
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats, PairSeries, Trace
+from contactlab.disk_arrays import disk_memory_in_use
 from contactlab.errors import OutputError
 from contactlab.schema.vocabulary import TraceFormat
 from contactlab.store.atomic_files import atomic_write
@@ -26,6 +27,7 @@ from contactlab.store.mcap.file_parts import (
     LIBRARY,
     FileStart,
     encode_file,
+    encode_long_file,
     file_start,
     interleave_groups,
     with_metadata,
@@ -79,7 +81,7 @@ class TraceEncoder:
         model_xml: bytes,
         *,
         form: TraceFormat = "messages",
-    ) -> tuple[bytes, Mapping[str, int]]:
+    ) -> tuple[bytes | memoryview, Mapping[str, int]]:
         """Return a run as an MCAP file, and the number of its messages by topic.
 
         In the compact form blocks replace the messages, which are counted as in the other form. The
@@ -114,7 +116,8 @@ class TraceEncoder:
             groups, begins = [*map(message_group, records)], times
         last = len(begins) - 1
         groups.append(single_message(channels, last, int(begins[last]), record_json))
-        return encode_file(start, interleave_groups(groups, channels, begins)), counts
+        encode = encode_long_file if disk_memory_in_use() else encode_file
+        return encode(start, interleave_groups(groups, channels, begins)), counts
 
 
 def _log_times(time: Floats) -> tuple[Times, NDArray[np.bool_]]:
