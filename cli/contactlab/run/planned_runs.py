@@ -81,7 +81,7 @@ class RunIndex:
 
         Raises a SceneError if the model's timestep is not positive, and the sweep sets no other; or
         if the times of a run's control or hold are inconsistent; a SweepFileError if a run would
-        record more than 64 GiB, or more than 1 GiB without a compiler.
+        record more than 16 GiB, or more than 1 GiB without a compiler.
         """
         self._plan, self._scene = plan, scene
         # The first run of each shape, in order of appearance.
@@ -204,7 +204,7 @@ def _check_size(run: RunSpec, size: int) -> None:
     if isinstance(memory := load_disk_memory(), str):
         remedy = f", or let it record into files ({memory})"
     else:
-        most_bytes, where = 64 << 30, "in files"
+        most_bytes, where = 16 << 30, "in files"
     if size > most_bytes:
         raise SweepFileError(
             f"a run of {run.steps:,} steps would record {size / 2**30:.1f} GiB {where}; the limit "

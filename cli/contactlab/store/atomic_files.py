@@ -40,7 +40,7 @@ def atomic_write(target: Path, *, durable: bool = False) -> Generator[Path]:
         raise
 
 
-def write_file(target: str, data: bytes | memoryview) -> None:
+def write_file(target: str, data: bytes) -> None:
     """Create or replace a file like `atomic_write`, without the cost of paths for small files."""
     temporary = _temporary_name(target)
     try:

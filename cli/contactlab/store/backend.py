@@ -75,7 +75,7 @@ class Backend(Protocol):
         """Return the content of a file; None if it does not exist."""
         ...
 
-    def put_file(self, name: str, data: bytes | memoryview) -> None:
+    def put_file(self, name: str, data: bytes) -> None:
         """Create or replace a file as a whole."""
 
     def delete_files(self, names: Iterable[str]) -> None:

@@ -63,7 +63,7 @@ class FolderBackend:
         except OSError as error:
             raise self._error(f"cannot read {self.address / name}: {error.strerror}") from error
 
-    def put_file(self, name: str, data: bytes | memoryview) -> None:
+    def put_file(self, name: str, data: bytes) -> None:
         """Create or replace a file as a whole."""
         folder = name.rpartition("/")[0]
         # Cached, because asking the system for each file takes longer.

@@ -93,7 +93,7 @@ CONTROLS = "controls"
 LOCK = ".lock"
 
 MOST_DOCUMENT = 64 << 20  # bytes of a file that is read at once: identity, manifest, lock
-MOST_TRACE = 2 << 30
+MOST_TRACE = 2 << 30  # bytes of a trace, compressed or not, unless it is read into files
 MOST_BYTES = 64 << 30  # bytes of any file
 _Document = TypeVar("_Document", bound=BaseModel)
 _OPEN_FLAGS = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC

@@ -27,7 +27,8 @@ CHUNK_SIZE = 1 << 20
 _COMPRESSION = "zstd"
 
 CHUNK_HEAD = struct.Struct(f"<BQQQQII{len(_COMPRESSION)}sQ")
-_NO_CHUNKS: Mapping[int, bytes] = MappingProxyType({})
+Compressed = bytes | memoryview
+_NO_CHUNKS: Mapping[int, Compressed] = MappingProxyType({})
 LIBRARY = "contactlab"
 # Records of each file; encoding them by the library would take a tenth of the time of a tiny run.
 FRAME = struct.Struct("<BQ")
@@ -86,7 +87,7 @@ def with_metadata(start: FileStart, name: str, entries: Mapping[str, str]) -> Fi
 class _Chunk(NamedTuple):
     """A chunk with its message indexes."""
 
-    parts: Sequence[bytes]
+    parts: Sequence[Compressed]
     entry: bytes  # its record in the summary
     first: int  # time of its first message
     last: int  # time of its last message
@@ -125,14 +126,14 @@ def interleave_groups(groups: Sequence[MessageGroup], channels: int, times: Time
 
 
 def encode_file(
-    start: FileStart, stream: MessageStream, packed: Mapping[int, bytes] = _NO_CHUNKS
+    start: FileStart, stream: MessageStream, packed: Mapping[int, Compressed] = _NO_CHUNKS
 ) -> bytes:
     """Return a file; see `encode_parts`."""
     return b"".join(encode_parts(start, stream, packed))
 
 
-def encode_long_file(start: FileStart, stream: MessageStream) -> memoryview:
-    """Return a file in one array, which lies on disk if arrays do; see `encode_parts`."""
+def encode_long_file(start: FileStart, stream: MessageStream) -> bytes:
+    """Return a file as a view of an array, which lies on disk if arrays do; see `encode_parts`."""
     file, end = np.empty(len(stream.data) // 4, np.uint8), 0
     for part in encode_parts(start, stream):
         if end + len(part) > len(file):
@@ -141,12 +142,12 @@ def encode_long_file(start: FileStart, stream: MessageStream) -> memoryview:
             file = longer
         file[end : end + len(part)] = np.frombuffer(part, np.uint8)
         end += len(part)
-    return file[:end].data
+    return file[:end].data  # pyright: ignore[reportReturnType] - written and hashed like bytes
 
 
 def encode_parts(
-    start: FileStart, stream: MessageStream, packed: Mapping[int, bytes] = _NO_CHUNKS
-) -> Iterator[bytes]:
+    start: FileStart, stream: MessageStream, packed: Mapping[int, Compressed] = _NO_CHUNKS
+) -> Iterator[Compressed]:
     """Yield the parts of a file, one after the other.
 
     Chunks in `packed`, by their first row, are kept, because another zstd may compress differently.
@@ -190,7 +191,7 @@ def _encode_chunk(
     rows: slice,
     position: int,
     index: ChunkIndexes,
-    packed: bytes | None,
+    packed: Compressed | None,
 ) -> _Chunk:
     stop = stream.offsets[rows.stop, 0] if rows.stop < len(stream.times) else len(stream.data)
     content = stream.data[stream.offsets[rows.start, 0] : stop].data

@@ -22,6 +22,7 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
+from contactlab.disk_arrays import disk_memory_in_use
 from contactlab.store.mcap.file_parts import (
     CHANNEL_NUMBER,
     CHUNK_HEAD,
@@ -31,6 +32,7 @@ from contactlab.store.mcap.file_parts import (
     FRAME,
     SIZE,
     SIZES,
+    Compressed,
     FileStart,
     MessageStream,
     encode_parts,
@@ -154,7 +156,7 @@ class StoredFile:
     channels: Sequence[Channel]
     metadata: Metadata
     model: Attachment
-    packed: Mapping[int, bytes]  # compressed chunks, by the time of their first message
+    packed: Mapping[int, Compressed]  # compressed chunks, by the time of their first message
     messages: Mapping[int, ChannelMessages]  # by the id of their channel
 
 
@@ -237,14 +239,16 @@ def stored_file(data: bytes) -> StoredFile:
         if file_descriptor_set(message) not in schemas:
             raise ValueError(f"its schema of {message.name} differs")
     [metadata], [model] = summary.metadata, summary.attachments
-    if sum(chunk.unpacked_size for chunk in summary.chunks) > MOST_TRACE:
+    # A run may record 16 GiB, and messages have tags.
+    most_bytes = 32 << 30 if disk_memory_in_use() else MOST_TRACE
+    if sum(chunk.unpacked_size for chunk in summary.chunks) > most_bytes:
         raise ValueError("its chunks claim to hold more data than any run records")
     offsets: dict[int, list[NDArray[np.int64]]] = {channel: [] for channel in summary.channels}
-    packed: dict[int, bytes] = {}
+    packed: dict[int, memoryview] = {}
     base = 0
     for chunk in summary.chunks:
         start = chunk.start + CHUNK_HEAD.size
-        packed[chunk.first_time] = data[start : start + chunk.size]
+        packed[chunk.first_time] = memoryview(data)[start : start + chunk.size]
         for channel, start in chunk.index_starts.items():
             *_, length = INDEX_HEAD.unpack_from(data, start)
             entries = np.frombuffer(data, "<u8", length // 8, start + INDEX_HEAD.size)
@@ -262,7 +266,7 @@ def stored_file(data: bytes) -> StoredFile:
     return StoredFile(*described, metadata, model, packed, messages)
 
 
-def _unpack_chunks(packed: Iterable[bytes], sizes: Sequence[int]) -> NDArray[np.uint8]:
+def _unpack_chunks(packed: Iterable[Compressed], sizes: Sequence[int]) -> NDArray[np.uint8]:
     stream, start = np.empty(sum(sizes), np.uint8), 0
     decompressor = zstandard.ZstdDecompressor()
     for chunk, size in zip(packed, sizes, strict=True):
@@ -281,7 +285,7 @@ def unpack_chunk(compressed: bytes, size: int) -> bytes:
     return zstandard.decompress(compressed)
 
 
-def _check_chunk(compressed: bytes, size: int) -> None:
+def _check_chunk(compressed: Compressed, size: int) -> None:
     # Largest accepted chunk [bytes]: a written one has 1 MiB and the records of one step.
     if size > 64 << 20 or zstandard.frame_content_size(compressed) != size:
         raise ValueError(f"a chunk claims to hold {size:,} bytes")
@@ -305,7 +309,7 @@ def find_different_encoding(data: bytes, file: StoredFile) -> str | None:
     rows = np.searchsorted(stream.times, np.array([*file.packed], np.uint64)).tolist()
     packed = dict(zip(rows, file.packed.values(), strict=True))
     for part in encode_parts(file_start_of(file), stream, packed):
-        if not data.startswith(part, place):
+        if memoryview(data)[place : place + len(part)] != part:
             return "its chunks, indexes or summary do not match its messages"
         place += len(part)
     return None if place == len(data) else "the file is longer than its messages"

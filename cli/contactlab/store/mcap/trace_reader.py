@@ -3,6 +3,7 @@
 import hashlib
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
@@ -19,6 +20,7 @@ from contactlab.contact.trace_arrays import (
     Integers,
     hash_of_states,
 )
+from contactlab.disk_arrays import arrays_on_disk
 from contactlab.errors import StoreError
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.mcap.compact_blocks import expand_blocks, expand_file
@@ -158,11 +160,18 @@ def _read_file(
     if damage := find_damage(data):
         raise StoreError(f"{shown_path}: {damage}; repeat the run")
     try:
-        return form(data)
+        with _memory_for(data):
+            return form(data)
     except UNREADABLE as error:
         raise StoreError(
             f"{shown_path} is not a trace that this version of contactlab can read: {error}"
         ) from error
+
+
+def _memory_for(data: bytes) -> AbstractContextManager[None]:
+    """Return the context to read a trace file in: arrays of a long one lie in files."""
+    long_bytes = 32 << 20  # half a million steps of a body take ten times that in memory
+    return arrays_on_disk() if len(data) > long_bytes else nullcontext()
 
 
 def _decode_trace(data: bytes) -> StoredTrace:
@@ -266,6 +275,14 @@ def trace_problems(
     if damage := find_damage(data):
         yield damage
         return
+    with _memory_for(data):
+        found = list(_different_bytes(data, record, model, but))
+    yield from found
+
+
+def _different_bytes(
+    data: bytes, record: EvidenceRecord, model: bytes | None, but: Collection[str]
+) -> Iterator[str]:
     try:
         packed = stored_file(data)
         if defect := find_different_encoding(data, packed):

@@ -81,7 +81,7 @@ class TraceEncoder:
         model_xml: bytes,
         *,
         form: TraceFormat = "messages",
-    ) -> tuple[bytes | memoryview, Mapping[str, int]]:
+    ) -> tuple[bytes, Mapping[str, int]]:
         """Return a run as an MCAP file, and the number of its messages by topic.
 
         In the compact form blocks replace the messages, which are counted as in the other form. The
@@ -116,8 +116,10 @@ class TraceEncoder:
             groups, begins = [*map(message_group, records)], times
         last = len(begins) - 1
         groups.append(single_message(channels, last, int(begins[last]), record_json))
-        encode = encode_long_file if disk_memory_in_use() else encode_file
-        return encode(start, interleave_groups(groups, channels, begins)), counts
+        stream = interleave_groups(groups, channels, begins)
+        if disk_memory_in_use():
+            return encode_long_file(start, stream), counts
+        return encode_file(start, stream), counts
 
 
 def _log_times(time: Floats) -> tuple[Times, NDArray[np.bool_]]:
