@@ -1,9 +1,15 @@
 """What is too fast for its step goes through walls of any shape, and is caught; else it is not."""
 
 from math import prod
+from types import SimpleNamespace
 from typing import Any
 
+import mujoco
+import numpy as np
 import pytest
+
+from contactlab.engines import passages
+from contactlab.engines.passages import Passages
 
 CUBE = "-1 -1 -1  1 -1 -1  -1 1 -1  1 1 -1  -1 -1 1  1 -1 1  -1 1 1  1 1 1"
 WALLS = {
@@ -160,3 +166,54 @@ def test_a_bar_is_passed_by_a_rope(sweeper: Any, place: float, speed: float, pas
     sweeper.run(SWEEP)
     (row,) = sweeper.rows()
     assert ("rope passed through bar" in " ".join(row["label_reasons"])) == passes
+
+
+@pytest.mark.long
+def test_stretches_hide_no_passage(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fast bodies that turn pass through each other and a plate: as many as in whole runs."""
+    rng, total = np.random.default_rng(0), 0
+    starts: Any = SimpleNamespace(input_rows=lambda *_: np.zeros((1, 0)))
+    for _ in range(12):
+        model, states = random_motion(rng)
+        search = Passages(model, 1)
+        search.enter_run(0, model, starts, states)
+        with monkeypatch.context() as patch:
+            patch.setattr(passages.ClosePairs, "find_stretch", whole_stretch)
+            obvious = Passages(model, 1)
+            obvious.enter_run(0, model, starts, states)
+        assert search.found == obvious.found
+        total += len(search.found[0])
+    assert total > 20
+
+
+def whole_stretch(close: Any, mover: int, *_: object) -> slice:
+    return slice(len(close.position) if mover > 1 else 0)  # a plane and a field do not move
+
+
+def random_motion(rng: np.random.Generator) -> tuple[mujoco.MjModel, np.ndarray]:
+    """Return four fast bodies over a plane, a plate and a height field, and 60 of their states."""
+    kinds = ["sphere", "box", "capsule", "ellipsoid", "cylinder"]
+    bodies = "".join(
+        f'<body pos="{x:.3f} {y:.3f} {abs(z) + 0.3:.3f}"><freejoint/>'
+        f'<geom type="{rng.choice(kinds)}" size="{r:.3f} {s:.3f} {t:.3f}" pos="{r:.3f} 0 0"/>'
+        f'<geom type="{rng.choice(kinds)}" size="{t:.3f} {r:.3f} {s:.3f}" euler="10 20 30"/></body>'
+        for (x, y, z), (r, s, t) in zip(
+            rng.normal(0, 0.4, (4, 3)), 10 ** rng.uniform(-2, -0.5, (4, 3)), strict=True
+        )
+    )
+    asset = (
+        '<asset><hfield name="h" nrow="2" ncol="2" size="1 1 .2 .1" elevation="0 1 1 0"/></asset>'
+    )
+    fixed = '<geom type="plane" size="3 3 .1"/><geom type="hfield" hfield="h" pos="0 0 .1"/>'
+    plate = '<geom type="box" size="1 1 .01" pos="0 0 .4"/>'
+    option = '<option timestep="0.01"/><default><geom solref="-30 -1"/></default>'
+    model = mujoco.MjModel.from_xml_string(
+        f"<mujoco>{option}{asset}<worldbody>{fixed}{plate}{bodies}</worldbody></mujoco>"
+    )
+    data = mujoco.MjData(model)
+    data.qvel[:] = rng.normal(0, 8, model.nv)
+    states = [np.concatenate([[data.time], data.qpos, data.qvel])]
+    for _ in range(60):
+        mujoco.mj_step(model, data)
+        states.append(np.concatenate([[data.time], data.qpos, data.qvel]))
+    return model, np.array(states)

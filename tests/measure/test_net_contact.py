@@ -135,3 +135,27 @@ def test_series_of_next_to_nothing(
     (series,) = context_of(trace, setup_of(trace)).series
     assert series.mode.shape == (2, steps)
     assert not series.contacts.any()
+
+
+def test_pairs_and_runs_that_are_reduced_together_do_not_mix() -> None:
+    """Of other numbers of slots and forms of the cone, and runs and pairs without contact."""
+    made = [random_pair(seed, 1 + seed % 4, common=seed % 2 == 0) for seed in range(12)]
+    pairs = [
+        PairTrace(
+            "a-b",
+            np.concatenate([first.slots, second.slots, 0 * first.slots]),
+            np.concatenate([first.friction, 2 * second.friction, first.friction]),
+        )
+        for first, second in zip(made[:8], made[4:], strict=True)
+    ]
+    elliptic, ones = np.array([True, False, False]), np.ones(3)
+    found = net_contact(pairs, 9.81 * ones, elliptic, 1e-3 * ones, 12)
+    for row, pair in enumerate(pairs):
+        for run in range(3):
+            one = PairTrace("a-b", pair.slots[[run]], pair.friction[[run]])
+            alone = net_contact([one], PULL, elliptic[[run]], STEP, 12)
+            for name, value in [*vars(found).items(), *vars(found.series).items()]:
+                if isinstance(value, np.ndarray):
+                    own = getattr(alone, name, None)
+                    own = getattr(alone.series, name) if own is None else own
+                    assert np.array_equal(value[row, run], own[0, 0]), name

@@ -230,8 +230,10 @@ class Trace(EngineOutputs):
             for name, value in vars(self).items()
             if isinstance(value, np.ndarray)
         }
+        # Pairs that never touch keep sharing one array.
+        slots = {id(pair.slots): read_only(pair.slots) for pair in self.pairs}
         pairs = tuple(
-            replace(pair, slots=read_only(pair.slots), friction=read_only(pair.friction))
+            PairTrace(pair.name, slots[id(pair.slots)], read_only(pair.friction))
             for pair in self.pairs
         )
         held = self.held and HeldPose(*map(read_only, vars(self.held).values()))

@@ -8,7 +8,7 @@ geom that turns far in a step is followed within it.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import mujoco
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact.rotations import rotate_vectors, rotate_vectors_back
 from contactlab.contact.trace_arrays import Floats, Passage, squared_lengths
-from contactlab.numerical_tolerance import SUM_ROUNDING
+from contactlab.numerical_tolerance import COARSE_ROUNDING, SUM_ROUNDING
 from contactlab.scene.contact_pairs import body_reaches, half_extents, pair_places, touch_mask
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.scene.model_edits import read_flag
@@ -37,6 +37,7 @@ class _SearchLimits:
     least_motion: float = 0.5  # in a step, as a share of the half thickness of two geoms
     most_pairs: int = 200  # of fast geoms in a run
     most_rays: int = 500  # of steps of a pair that are searched
+    most_steps: int = 4  # of a fast geom to pass through another
 
 
 _LIMITS = _SearchLimits()
@@ -83,15 +84,11 @@ class Passages:
             fast = np.flatnonzero(most[first] + most[second] > self._least)[: _LIMITS.most_pairs]
             places = zip(first[fast].tolist(), second[fast].tolist(), strict=True)
             pairs = dict(zip(places, self._least[fast].tolist(), strict=True))
-            found = [*self._fast_passages(model, pairs, position, rotation, turned)]
+            close = ClosePairs(model, position, rotation, turned)
+            found = [*self._fast_passages(model, pairs, close, turned)]
             within = _StepSearch(model, states[:, 1 : positions + model.nv], acting)
             for pair, least in pairs.items():
-                apart = np.subtract(
-                    *(_point_positions(model, position, rotation, geom) for geom in pair)
-                )
-                found += within.find_passages(
-                    pair, apart[:-1], moved[:, pair].sum(axis=1), least=least
-                )
+                found += within.find_passages(pair, close, moved[:, pair].sum(axis=1), least=least)
             found += _passages_through_flexes(model, position, rotation, vertices)
             self.found[run] = tuple(sorted(found, key=lambda passage: passage.step))
 
@@ -99,13 +96,12 @@ class Passages:
         self,
         model: mujoco.MjModel,
         pairs: Mapping[tuple[int, int], float],
-        position: Floats,
-        rotation: Floats,
+        close: "ClosePairs",
         turned: Floats,
     ) -> Iterator[Passage]:
         """Yield the first passage of each fast pair of geoms; pairs have their least motions [m].
 
-        Poses are (N, nbody, 3 and 4); steps turn bodies by at most `turned` (N - 1, nbody) [rad].
+        Steps turn bodies by at most `turned` (N - 1, nbody) [rad].
         """
         if not pairs:
             return
@@ -113,25 +109,88 @@ class Passages:
         turned = np.concatenate([none, turned.cumsum(axis=0).T], axis=1)
         for (first, second), least in pairs.items():
             for mover, wall in ((first, second), (second, first)):
-                if model.geom_type[mover] in (_PLANE_TYPE, _HFIELD_TYPE):
+                some = close.find_stretch(mover, wall, least)
+                if not some.stop:
                     continue
+                poses = close.position[some], close.rotation[some]
                 shape = _PassableGeom(model, wall, float(model.geom_rbound[mover]))
                 steps = list[int]()
-                # The center of a geom, and the ends of its axis of symmetry.
-                half = model.geom_aabb[mover, 3:]
-                end = (half.max() - half.min()) * (np.arange(3) == half.argmax())
-                primitive = int(model.geom_type[mover]) != _MESH_TYPE
-                for point in np.array(
-                    [_ORIGIN, end, -end] if primitive and end.any() else [_ORIGIN]
-                ):
-                    place = _point_positions(model, position, rotation, mover, point)
-                    path = _in_geom_frame(model, position, rotation, wall, place)
+                end = _axis_end(model, mover)
+                for point in np.array([_ORIGIN, end, -end] if end.any() else [_ORIGIN]):
+                    place = _point_positions(model, *poses, mover, point)
+                    path = _in_geom_frame(model, *poses, wall, place)
                     own = turned[model.geom_bodyid[mover]] * point.any()
                     turns = own + turned[model.geom_bodyid[wall]] * shape.turns
-                    steps += _first_passage(path, least, shape, turns)
+                    found = _first_passage(path, least, shape, turns[some])
+                    steps += [(some.start or 0) + step for step in found]
                 if steps:
                     yield _make_passage(model, mover, wall, min(steps))
                     break
+
+
+def _axis_end(model: mujoco.MjModel, geom: int) -> Floats:
+    # (3,) of a geom's axis of symmetry, off its center [m]; zeros for a ball.
+    half = model.geom_aabb[geom, 3:]
+    length = half.max() - half.min() if int(model.geom_type[geom]) != _MESH_TYPE else 0.0
+    return length * (np.arange(3) == half.argmax())
+
+
+class ClosePairs:
+    """How close the centers of geoms come in a run, which rules most pairs out."""
+
+    def __init__(
+        self, model: mujoco.MjModel, position: Floats, rotation: Floats, turned: Floats
+    ) -> None:
+        """Take poses (N, nbody, 3 and 4), and the angles of steps (N - 1, nbody) [rad]."""
+        self._model, self.position, self.rotation = model, position, rotation
+        self._turned = turned
+        # Pairs are sorted by their first geom.
+        self._center = lru_cache(2)(partial(_point_positions, model, position, rotation))
+        self._apart = lru_cache(1)(self._measure_distance)
+
+    def _measure_distance(self, first: int, second: int) -> tuple[Floats, Floats, Floats]:
+        # (N, 3) how centers are apart, (N,) their distance, and (N - 1,) their relative motion [m].
+        apart = self._center(first) - self._center(second)
+        moved = np.sqrt(squared_lengths(np.diff(apart, axis=0)))
+        return apart, np.sqrt(squared_lengths(apart)), moved
+
+    def find_near_steps(self, first: int, second: int, within: Floats) -> NDArray[np.bool_]:
+        """Return (N - 1,) whether centers are closer than `within` (N - 1,) [m] before a step."""
+        apart, _, _ = self._apart(first, second)
+        return np.linalg.norm(apart[:-1], axis=1) < within
+
+    def find_stretch(self, mover: int, wall: int, least: float) -> slice:
+        """Return the stretch where a point on a geom's axis may pass through another.
+
+        Steps shorter than `least` [m] do not count. `_first_passage` finds the same in the stretch
+        as in the whole run: nothing if it is empty.
+        """
+        model, kind = self._model, int(self._model.geom_type[wall])
+        if model.geom_type[mover] in (_PLANE_TYPE, _HFIELD_TYPE):
+            return slice(0)
+        apart, distance, relative = self._apart(*sorted((mover, wall)))
+        end, below_one = np.linalg.norm(_axis_end(model, mover)), 1 - COARSE_ROUNDING
+        if kind == _PLANE_TYPE:
+            up = rotate_vectors(model.geom_quat[wall], _UP_AXIS)
+            normal = rotate_vectors(self.rotation[:, model.geom_bodyid[wall]], up)
+            height = (apart * normal).sum(axis=1) * (1 if mover < wall else -1)
+            # A point is beneath a plane if it is lower by the radius of its geom.
+            beneath = height.min() - end < -below_one * model.geom_rbound[mover]
+            return slice(len(apart) if beneath else 0)
+        # Neither moves nor nears more than this in the frame of the wall.
+        moved = relative + self._turned[:, model.geom_bodyid[mover]] * end
+        moved += self._turned[:, model.geom_bodyid[wall]] * (distance[:-1] + end)
+        reach = model.geom_rbound[wall] + _LIMITS.most_steps * moved.max(initial=0)
+        near = below_one * (distance[:-1] - end) < reach
+        fast = moved > below_one * least
+        if not (near & fast).any():
+            return slice(0)
+        if kind == _HFIELD_TYPE:  # A point beneath one may be far from it.
+            return slice(len(apart))
+        # A passage begins near the wall, and one of its steps is fast.
+        around = _LIMITS.most_steps
+        begins = np.flatnonzero(near & (np.convolve(fast, np.ones(around))[around - 1 :] > 0))
+        return slice(int(begins[0]), int(begins[-1]) + around + 1)
 
 
 class _StepSearch:
@@ -143,17 +202,17 @@ class _StepSearch:
         self._states, self._acting = states, acting
 
     def find_passages(
-        self, pair: tuple[int, int], apart: Floats, moved: Floats, *, least: float
+        self, pair: tuple[int, int], close: ClosePairs, moved: Floats, *, least: float
     ) -> list[Passage]:
-        """Return the first passage of two geoms with centers `apart` (N - 1, 3) [m], if any.
+        """Return the first passage of two geoms, if any.
 
         Each step moves them by at most `moved` (N - 1,) [m]; less than `least` does not matter.
         """
         model = self._model
-        if np.isin(model.geom_type[[*pair]], (_PLANE_TYPE, _HFIELD_TYPE)).any():
+        if any(model.geom_type[geom] in (_PLANE_TYPE, _HFIELD_TYPE) for geom in pair):
             return []
         bound = float(model.geom_rbound[[*pair]].sum())
-        near = np.linalg.norm(apart, axis=1) < bound + moved
+        near = close.find_near_steps(*pair, bound + moved)
         for step in np.flatnonzero(near & (moved > least))[: _LIMITS.most_rays].tolist():
             if self._overlaps_within(pair, step, float(moved[step]), least):
                 return [_make_passage(model, *pair, step)]
@@ -329,8 +388,10 @@ def _point_positions(
     model: mujoco.MjModel, position: Floats, rotation: Floats, geom: int, point: Floats = _ORIGIN
 ) -> Floats:
     """Return (N, 3) the position of a point of a geom, by default its center."""
-    body, own = int(model.geom_bodyid[geom]), rotate_vectors(model.geom_quat[geom], point)
-    return position[:, body] + rotate_vectors(rotation[:, body], model.geom_pos[geom] + own)
+    body, place = int(model.geom_bodyid[geom]), model.geom_pos[geom]
+    if point.any():
+        place = place + rotate_vectors(model.geom_quat[geom], point)
+    return position[:, body] + rotate_vectors(rotation[:, body], place)
 
 
 def _in_geom_frame(
@@ -354,12 +415,11 @@ def _first_passage(
     """
     squares = (np.diff(path, axis=0) ** 2).sum(axis=1)
     fast = squares > least**2
-    max_passage_steps = 4  # largest number of steps of a fast geom to pass through another
-    reach = wall.bound + max_passage_steps * np.sqrt(squares.max(initial=0))
+    reach = wall.bound + _LIMITS.most_steps * np.sqrt(squares.max(initial=0))
     if not (fast & ((path[:-1] ** 2).sum(axis=1) < reach**2)).any():
         return []
     max_line_angle_rad = 1.0  # largest angle [rad] for a path of a point that is nearly a line
-    for steps in range(1, 1 + max_passage_steps):
+    for steps in range(1, 1 + _LIMITS.most_steps):
         begin, end = path[:-steps], path[steps:]
         moving = np.convolve(fast, np.ones(steps))[steps - 1 : len(fast)] > 0
         near = np.linalg.norm(begin, axis=1) < np.linalg.norm(end - begin, axis=1) + wall.bound

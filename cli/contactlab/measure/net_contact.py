@@ -5,7 +5,7 @@ is taken in the frame of the first contact. Two components along the tangents ar
 complex number, so that a slot's columns stay contiguous in time.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,15 +55,19 @@ class NetContact:
 
 @dataclass(frozen=True)
 class _Cone:
-    """Friction bound of one pair in one run: on the 2-norm if elliptic, otherwise on the 1-norm."""
+    """Friction bounds in T steps: on the 2-norm if elliptic, otherwise on the 1-norm."""
 
-    friction: float  # the coefficient along the first tangent
-    stretch: float  # `friction` over the coefficient along the second
+    friction: Floats  # (T,) the coefficient along the first tangent
+    stretch: Floats  # (T,) `friction` over the coefficient along the second
     elliptic: bool
+
+    def select_steps(self, steps: NDArray[np.intp]) -> "_Cone":
+        """Return the bounds of some steps."""
+        return _Cone(self.friction[steps], self.stretch[steps], self.elliptic)
 
     def norm(self, force: Complexes, out_of_plane: Floats | None = None) -> Floats:
         """Return the bounded norm of forces [N]; the 2-norm adds their square off the plane."""
-        across = force.imag if self.stretch == 1 else force.imag * self.stretch
+        across = force.imag * self.stretch
         if not self.elliptic:
             return np.abs(force.real) + np.abs(across)
         square = force.real * force.real + across * across
@@ -72,14 +76,14 @@ class _Cone:
 
 @dataclass(frozen=True)
 class _SlotColumns:
-    """Fields of the slots of one run, (S, N) each and contiguous in time."""
+    """Fields of S slots in T steps, (S, T) each and contiguous in time."""
 
     normal: Floats
     distance: Floats
     force: Complexes  # along both tangents [N]
     velocity: Complexes  # along both tangents [m/s]
-    turning: Floats  # (3, N) the first slot's angular velocity, normal first
-    frame: Complexes | None  # (3, S, N) normal and tangent, two by two; None for a single slot
+    turning: Floats  # (3, T) the first slot's angular velocity, normal first
+    frame: Complexes | None  # (3, S, T) normal and tangent, two by two; None for a single slot
 
 
 def net_contact(
@@ -89,10 +93,11 @@ def net_contact(
     timestep: Floats,
     steps: int,
 ) -> NetContact:
-    """Reduce the slots of pairs, run by run, so that gathered data stays in the cache.
+    """Reduce the slots of pairs.
 
-    Slots that a run never fills, which come last, are omitted. `pull` (n,) is gravity [m/s^2],
-    `elliptic` (n,) the cone's form, and `timestep` (n,) [s] the length of a step.
+    Runs of pairs with as many filled slots are reduced together, a few at a time, so that gathered
+    data stays in the cache. `pull` (n,) is gravity [m/s^2], `elliptic` (n,) the cone's form, and
+    `timestep` (n,) [s] the length of a step.
     """
     shape = len(pairs), len(timestep), steps
     series, worst = np.zeros((shape[0], 9, *shape[1:])), np.zeros((shape[0], 4, shape[1]))
@@ -100,14 +105,21 @@ def net_contact(
     for row, pair in enumerate(pairs):
         found[row], slots[row] = pair.found, pair.slots.shape[2]
     contacts = np.clip(found, 0, slots)
-    for row in np.flatnonzero(contacts.any(axis=(1, 2))).tolist():
-        pair = pairs[row]
-        first, second = pair.friction[:, 0], pair.friction[:, 1]
+    friction = np.array([pair.friction[:, :2] for pair in pairs]).reshape(*shape[:2], 2)
+    filled = contacts.max(axis=2, initial=0)
+    for group in _alike_runs(filled, elliptic, steps):
+        rows, runs = zip(*group, strict=True)
+        first, second = friction[rows, runs].repeat(steps, axis=0).T
         stretch = np.where(first == second, 1, first / second)
-        for run in range(shape[1]):
-            cone = _Cone(first[run].item(), stretch[run].item(), elliptic[run].item())
-            reduced = _reduce_run(pair.slots[run], contacts[row, run], cone)
-            series[row, :, run], worst[row, :, run] = reduced
+        parts = [pairs[row].slots[run][:, : filled[row, run]] for row, run in group]
+        columns = _gather_columns(parts[0] if len(parts) == 1 else np.concatenate(parts))
+        cone = _Cone(first, stretch, bool(elliptic[runs[0]]))
+        alone = cone.norm(columns.force)
+        reduced = np.array(_reduce_steps(columns, contacts[rows, runs].ravel(), cone, alone))
+        for place, (row, run) in enumerate(group):
+            some = slice(place * steps, (place + 1) * steps)
+            series[row, :, run] = reduced[:, some]
+            worst[row, :, run] = _find_worst(columns, alone, some, friction[row, run, 0])
     normal, tangential, usage, slip, distance, *others = np.moveaxis(series, 1, 0)
     hardest, grip, rolling, spinning = others
     mode = contact_modes(normal > 0, usage, grip, slip / pull[:, None], timestep)
@@ -115,16 +127,28 @@ def net_contact(
     return NetContact(shown, found, hardest, grip, rolling, spinning, *np.moveaxis(worst, 1, 0))
 
 
-def _reduce_run(
-    slots: Floats, contacts: NDArray[np.int32], cone: _Cone
-) -> tuple[tuple[Floats, ...], tuple[Any, ...]]:
-    """Return the series (N,) and worst values of a run from its filled slots (N, S, 23)."""
-    slots = slots[:, : max(contacts.max(initial=0), 1)]
+def _alike_runs(
+    filled: NDArray[np.int32], elliptic: NDArray[np.bool_], steps: int
+) -> Iterator[list[tuple[int, int]]]:
+    contacts_together = 1 << 13  # their columns take about 1 MB
+    groups: dict[tuple[int, bool], list[tuple[int, int]]] = {}
+    for row, run in np.argwhere(filled).tolist():
+        key = int(filled[row, run]), bool(elliptic[run])
+        group = groups.setdefault(key, [])
+        group.append((row, run))
+        # NumPy sums the slots of a single step in another order.
+        if steps == 1 or len(group) * key[0] * steps >= contacts_together:
+            yield groups.pop(key)
+    yield from groups.values()
+
+
+def _gather_columns(slots: Floats) -> _SlotColumns:
+    # `slots` is (T, S, 23).
     if slots.strides[-1] != slots.itemsize:
         slots = np.ascontiguousarray(slots)
     tangential_force = slice(FORCE.start + 1, FORCE.stop)
     slip_fields = slice(LINEAR_VELOCITY.start + 1, LINEAR_VELOCITY.stop)
-    columns = _SlotColumns(
+    return _SlotColumns(
         normal=np.ascontiguousarray(slots[:, :, _NORMAL_FORCE].T),
         distance=np.ascontiguousarray(slots[:, :, DISTANCE].T),
         force=_complex_field(slots, tangential_force)[0],
@@ -132,56 +156,65 @@ def _reduce_run(
         turning=np.ascontiguousarray(slots[:, 0, ANGULAR_VELOCITY].T),
         frame=_complex_field(slots, _FRAME_FIELDS) if slots.shape[1] > 1 else None,
     )
-    normal, tangential, used, slip, each = _sum_slots(columns, cone)
+
+
+def _reduce_steps(
+    columns: _SlotColumns, contacts: NDArray[np.int32], cone: _Cone, alone: Floats
+) -> tuple[Floats, ...]:
+    """Return the series (T,) of steps; `alone` (S, T) are norms of single tangential forces."""
+    normal, tangential, used, slip = _sum_slots(columns, cone)
     bound = cone.friction * normal
     spin, along, across = columns.turning
     # The filled slots come first.
-    if not (columns.distance > 0).any():
-        least_distance = columns.distance.min(axis=0)
-    else:
-        filled = np.arange(len(columns.distance))[:, None] < contacts
-        least_distance = np.where(
-            contacts > 0, np.where(filled, columns.distance, np.inf).min(axis=0), 0
-        )
-    series = (
+    filled = np.arange(len(columns.distance))[:, None] < contacts
+    least_distance = np.where(filled, columns.distance, np.inf).min(axis=0)
+    return (
         normal,
         tangential,
         _safe_ratio(used, bound),
         slip,
-        least_distance,
+        np.where(contacts > 0, least_distance, 0),
         columns.normal.max(axis=0),
-        _safe_ratio(each, bound),
+        _safe_ratio(alone.sum(axis=0), bound),
         np.sqrt(along * along + across * across),
         np.abs(spin),
     )
-    apart = columns.normal * np.maximum(columns.distance, 0)
-    standoff = apart.sum() / max(columns.normal.sum(), np.finfo(float).tiny)
-    farthest = columns.distance.max(initial=0)
-    used, bound = cone.norm(columns.force), cone.friction * columns.normal
-    over = used > bound
-    over &= columns.normal > SUM_ROUNDING * columns.normal.max(initial=0)
-    excess = np.sort(used[over] / bound[over])[::-1] - 1
+
+
+def _find_worst(
+    columns: _SlotColumns, alone: Floats, some: slice, friction: float
+) -> tuple[Any, ...]:
+    # NumPy sums contiguous numbers in one order, others in another.
+    normal, alone, distance = (
+        np.ascontiguousarray(each[:, some]) for each in (columns.normal, alone, columns.distance)
+    )
+    apart = normal * np.maximum(distance, 0)
+    standoff = apart.sum() / max(normal.sum(), np.finfo(float).tiny)
+    bound = friction * normal
+    over = alone > bound
+    over &= normal > SUM_ROUNDING * normal.max(initial=0)
+    excess = np.sort(alone[over] / bound[over])[::-1] - 1
     brief_share = 0.01  # of the contacts that carry force: single steps of impacts do not count
     brief = int(brief_share * np.count_nonzero(bound))
-    return series, (
+    return (
         excess[brief : brief + 1].max(initial=0),
         apart.max(initial=0),
-        farthest,
+        distance.max(initial=0),
         standoff,
     )
 
 
 def _complex_field(slots: Floats, field: slice) -> Complexes:
-    """Return (k, S, N) a field of 2 k numbers as complex numbers."""
+    """Return (k, S, T) a field of 2 k numbers as complex numbers."""
     pairs = slots[:, :, field].view(np.complex128)
     return np.ascontiguousarray(pairs.transpose(2, 1, 0))
 
 
-def _sum_slots(columns: _SlotColumns, cone: _Cone) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-    """Sum the slots of one run, in the first contact's frame or, if frames differ, in the world's.
+def _sum_slots(columns: _SlotColumns, cone: _Cone) -> tuple[Floats, Floats, Floats, Floats]:
+    """Sum the slots of steps, in the first contact's frame or, if frames differ, in the world's.
 
-    Returns (N,) normal and tangential force, the latter in the cone's norm, mean slip velocity
-    [m/s] weighted by normal force, and the sum of the norms of single tangential forces.
+    Returns (T,) normal and tangential force, the latter in the cone's norm, and mean slip velocity
+    [m/s] weighted by normal force.
     """
     normal, force = columns.normal.sum(axis=0), columns.force.sum(axis=0)
     impulse = (columns.velocity * columns.normal).sum(axis=0)
@@ -194,7 +227,7 @@ def _sum_slots(columns: _SlotColumns, cone: _Cone) -> tuple[Floats, Floats, Floa
             sums[:, steps] = _sum_in_world(columns, frame[:, :, steps], cone, steps)
     tangential, used, impulse = sums
     slip = impulse / np.where(normal > 0, normal, np.inf)
-    return normal, tangential, used, slip, cone.norm(columns.force).sum(axis=0)
+    return normal, tangential, used, slip
 
 
 def _sum_in_world(
@@ -213,7 +246,7 @@ def _sum_in_world(
     force = total(columns.force[:, steps])
     square = (force * force).sum(axis=0)
     along, across = ((force * axis[:, 0]).sum(axis=0) for axis in (tangent, cotangent))
-    used = cone.norm(along + 1j * across, square - along**2 - across**2)
+    used = cone.select_steps(steps).norm(along + 1j * across, square - along**2 - across**2)
     impulse = total(columns.velocity[:, steps] * columns.normal[:, steps])
     return np.stack((np.sqrt(square), used, np.sqrt((impulse * impulse).sum(axis=0))))
 

@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass
 from itertools import pairwise, product
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -89,9 +90,11 @@ def entry_pairs(model: mujoco.MjModel, entry: PairEntry) -> list[MonitoredPair]:
         sides = (_colliding_geoms(model, first), _colliding_geoms(model, second))
         slots = entry.slots or _BODY_PAIR_SLOTS
         return [MonitoredPair(f"{first}-{second}", (first, second), True, sides, slots)]
-    names = [name_of(model, "geom", index) for index in range(model.ngeom)]
-    chain = [name for part in entry.chain or () for name in match_names(names, part) or [part]]
-    ids = [require_id(model, "geom", name) for name in chain or entry.geoms or ()]
+    chain = [*(entry.geoms or ())]
+    if entry.chain:
+        names = [name_of(model, "geom", index) for index in range(model.ngeom)]
+        chain = [name for part in entry.chain for name in match_names(names, part) or [part]]
+    ids = [require_id(model, "geom", name) for name in chain]
     if len(ids) < 2:
         raise SceneError(f"the chain {', '.join(chain)} has fewer than two geoms")
     return [_geom_pair(model, first, second, entry.slots) for first, second in pairwise(ids)]
@@ -255,41 +258,39 @@ def effective_parameters(model: mujoco.MjModel, pair: MonitoredPair) -> PairReco
     which bounds the cone of every contact.
     """
     first, second = pair.geoms[0][0], pair.geoms[1][0]
-    explicit = explicit_pair(model, first, second)
+    explicit, fields = explicit_pair(model, first, second), dict[str, Any]()
     if explicit is not None:
-        fields = {**{name: f"pair_{name}" for name in CONTACT}, "condim": "pair_dim"}
-        record = PairRecord(
-            **{name: getattr(model, field)[explicit].tolist() for name, field in fields.items()}
-        )
+        columns = {**{name: f"pair_{name}" for name in CONTACT}, "condim": "pair_dim"}
+        fields |= {
+            name: getattr(model, column)[explicit].tolist() for name, column in columns.items()
+        }
     else:
         both, deciding = [first, second], _deciding_geoms(model, first, second)
         weight = mixing_weight(model, first, second)
         (one, two), (solimp, other) = model.geom_solref[both], model.geom_solimp[both]
         mean = len(deciding) == 1 or (one[0] > 0 and two[0] > 0)
-        record = PairRecord(
-            condim=int(model.geom_condim[deciding].max()),
-            friction=_pair_friction(model, first, second),
-            solref=_float_tuple(
+        fields |= {
+            "condim": int(model.geom_condim[deciding].max()),
+            "friction": _pair_friction(model, first, second),
+            "solref": _float_tuple(
                 weight * one + (1 - weight) * two if mean else np.minimum(one, two)
             ),
-            solimp=_float_tuple(weight * solimp + (1 - weight) * other),
-            margin=float(model.geom_margin[both].sum()),
-            gap=float(model.geom_gap[both].sum()),
-        )
-    frictions = [record.friction]
+            "solimp": _float_tuple(weight * solimp + (1 - weight) * other),
+            "margin": float(model.geom_margin[both].sum()),
+            "gap": float(model.geom_gap[both].sum()),
+        }
+    frictions = [fields["friction"]]
     if pair.bodies:
         frictions += [_pair_friction(model, *geoms) for geoms in product(*pair.geoms)]
-    changes: dict[str, object] = {
-        "friction": _float_tuple(np.max(frictions, axis=0), mujoco.mjMINMU)
-    }
+    fields["friction"] = _float_tuple(np.max(frictions, axis=0), mujoco.mjMINMU)
     if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE:
-        changes = {
+        fields |= {
             "friction": _float_tuple(model.opt.o_friction, mujoco.mjMINMU),
             "solref": _float_tuple(model.opt.o_solref),
             "solimp": _float_tuple(model.opt.o_solimp),
             "margin": float(model.opt.o_margin),
         }
-    return record.model_copy(update=changes)
+    return PairRecord(**fields)
 
 
 def explicit_pair(model: mujoco.MjModel, first: int, second: int) -> int | None:
