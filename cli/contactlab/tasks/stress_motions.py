@@ -1,6 +1,7 @@
 """Motions besides those of the task, under load: gravity tilted, and twice the inputs."""
 
 import copy
+import hashlib
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -40,23 +41,60 @@ def double_inputs(motion: Motion) -> Motion:
     return replace(motion, inputs=2 * motion.inputs, name=f"{motion.name}, doubled")
 
 
-def state_bytes(motions: Sequence[Motion], workers: int) -> Iterator[bytes]:
-    """Yield the bytes of all states of each motion."""
-    return (whole.tobytes() for whole in _visited_states(motions, workers))
+class KnownStates:
+    """The states of motions, which those of changed models are compared with bit for bit.
+
+    Each motion is run when its states are first needed, and once. Most changed models differ after
+    a few steps, so that the first steps of all motions are compared before whole motions.
+    """
+
+    def __init__(self, motions: Sequence[Motion], workers: int) -> None:
+        """Run nothing yet."""
+        self.motions, self._workers = motions, workers
+        first_steps = 20  # in which a model that moves otherwise usually shows it
+        self._begins = [
+            replace(motion, inputs=motion.inputs[:, :first_steps]) for motion in motions
+        ]
+        self._known = dict[int, bytes]()
+
+    def match_models(self, made: Sequence[mujoco.MjModel]) -> bool:
+        """Return whether each bit of the motion of these models is equal, one model a motion."""
+        pairs = zip(self.motions, made, strict=True)
+        return self.match_motions([replace(motion, model=model) for motion, model in pairs])
+
+    def match_motions(self, others: Sequence[Motion]) -> bool:
+        """Return whether each bit of other motions of the same length is equal."""
+        begins = zip(self._begins, others, strict=True)
+        short = [replace(other, inputs=other.inputs[:, : own.steps]) for own, other in begins]
+        pairs = [*zip(self._begins, short, strict=True), *zip(self.motions, others, strict=True)]
+        return all(
+            self._find_digest(own) == _digest_states(visit_states(other, self._workers))
+            for own, other in pairs
+        )
+
+    def list_positions(self) -> Iterator[Floats]:
+        """Yield the configurations (T, nq) of each motion before each step."""
+        for motion in self.motions:
+            states = visit_states(motion, self._workers)
+            self._known[id(motion)] = _digest_states(states)
+            kept = states[:, :-1, : motion.model.nq]
+            yield kept[np.isfinite(kept).all(axis=2)]
+
+    def _find_digest(self, motion: Motion) -> bytes:
+        if id(motion) not in self._known:
+            self._known[id(motion)] = _digest_states(visit_states(motion, self._workers))
+        return self._known[id(motion)]
 
 
-def visited_positions(motions: Sequence[Motion], workers: int) -> Iterator[Floats]:
-    """Yield the configurations (T, nq) of motions before each step."""
-    for motion, whole in zip(motions, _visited_states(motions, workers), strict=True):
-        kept = whole[:, :-1, : motion.model.nq]
-        yield kept[np.isfinite(kept).all(axis=2)]
+def _digest_states(states: Floats) -> bytes:
+    # States of large scenes take half a gigabyte.
+    return hashlib.sha256(states.tobytes()).digest()
 
 
-def _visited_states(motions: Sequence[Motion], workers: int) -> Iterator[Floats]:
-    """Yield the states (S, N + 2, kept) of motions."""
-    for motion in motions:
-        length = motion.steps * float(motion.model.opt.timestep)
-        yield replay(motion, length, workers).kept
+def visit_states(motion: Motion, workers: int) -> Floats:
+    """Return the states (S, N + 2, kept) of a motion before each step, and after the last."""
+    length = motion.steps * float(motion.model.opt.timestep)
+    return replay(motion, length, workers).kept
 
 
 def join_seeds(one: Motion, other: Motion) -> Motion:

@@ -8,7 +8,7 @@ from contactlab.plan.task_options import read_task_options
 from contactlab.studies.effects.model_parts import FAR_PAIRS, ModelPart, find_parts
 from contactlab.tasks.checked_model import open_model
 from contactlab.tasks.session import Session
-from contactlab.tasks.stress_motions import visited_positions
+from contactlab.tasks.stress_motions import KnownStates
 
 BOXES = "".join(
     f'<body name="{name}" pos="{place} 0 .1"><freejoint/>'
@@ -23,10 +23,10 @@ def find_far_pairs(folder: Path, keep: tuple[str, ...], far: float | None) -> li
     (folder / "boxes.xml").write_text(MODEL)
     task = read_task_options(drive="none", duration="0.1s")
     checked = open_model(str(folder / "boxes.xml"), Session(folder / "out", 0), task)
-    motions = checked.motions
-    positions = [*visited_positions(motions, 1)]
-    model = motions[0].model
-    parts = find_parts(checked, model, motions, positions, keep, with_masks=True, far=far)
+    states = KnownStates(checked.motions, 1)
+    positions = [*states.list_positions()]
+    model = checked.motions[0].model
+    parts = find_parts(checked, model, states, positions, keep, with_masks=True, far=far)
     return [part for part in parts if part.name == FAR_PAIRS]
 
 

@@ -25,7 +25,12 @@ from contactlab.schema.time_ratio import LEAST_SAVING, TimeRatio
 from contactlab.step_progress import count_steps, step_names
 from contactlab.studies.effects.effects_request import EffectsRequest
 from contactlab.studies.effects.examined_scenarios import Scenarios, open_scenarios
-from contactlab.studies.effects.model_parts import ModelPart, change_model, find_parts
+from contactlab.studies.effects.model_parts import (
+    ComparisonLimits,
+    ModelPart,
+    change_model,
+    find_parts,
+)
 from contactlab.studies.effects.part_errors import MeasuredPart, PartErrors
 from contactlab.studies.effects.smaller_model import SmallerSearch, describe_result
 from contactlab.studies.verification.grip_measures import needs_masks
@@ -35,9 +40,9 @@ from contactlab.tasks.reference_error import TaskReference
 from contactlab.tasks.session import Session
 from contactlab.tasks.stress_motions import (
     TILT_DEGREES,
+    KnownStates,
     double_inputs,
     tilt_gravity,
-    visited_positions,
 )
 from contactlab.tasks.task_clock import Clock
 from contactlab.tasks.time_limit import TimeLimit
@@ -69,14 +74,21 @@ def study_effects(request: EffectsRequest, session: Session) -> EffectsReport:
         refuse_place(examined.scene.source, request.write.parent, request.write.name)
     session.claim("effects", request.source)
     session.notify(f"leaving out parts of {request.source}: {examined.task.line}")
-    steps = ("running the reference", "leaving out parts", "verifying the smaller model")
+    steps = (
+        "running the reference",
+        "leaving out parts that save time",
+        "verifying the smaller model",
+        "leaving out other parts",
+    )
     with step_names(len(steps)) as begin_step:
         begin_step(steps[0])
         study = EffectsStudy(request, scenarios, allowed)
         begin_step(steps[1])
-        study.measure_parts()
+        study.measure_savings()
         begin_step(steps[2])
         search, smaller = _find_smaller(request, session, study, allowed)
+        begin_step(steps[3])
+        study.measure_others()
     tolerance = examined.task.tolerance
     ranked = sorted(study.measured, key=lambda one: _rank_part(one, tolerance))
     effects = tuple(_describe_part(one, tolerance) for one in ranked)
@@ -103,6 +115,7 @@ def study_effects(request: EffectsRequest, session: Session) -> EffectsReport:
 def _find_smaller(
     request: EffectsRequest, session: Session, study: "EffectsStudy", allowed: TimeLimit
 ) -> tuple[SmallerSearch, SmallerModel | None]:
+    smaller_share = 0.8  # of the time limit; the rest shows which other parts are needed
     search = SmallerSearch(
         scenarios=study.scenarios,
         session=session,
@@ -110,7 +123,7 @@ def _find_smaller(
         errors=study.errors,
         base=study.base,
         runs=study.runs,
-        allowed=allowed,
+        allowed=replace(allowed, seconds=smaller_share * allowed.seconds),
         write=request.write,
     )
     tolerance = study.scenarios.models[0].task.tolerance
@@ -148,21 +161,23 @@ class EffectsStudy:
         same = reference.velocities_around(build_reference_model)
         self.errors = PartErrors(reference, same, motions, examined.threads)
         self.clock = Clock(reference, self.base)
-        positions = [
-            *(part.positions for part in reference.phases),
-            *visited_positions(loaded, examined.threads),
-        ]
+        states = KnownStates(loaded, examined.threads)
+        positions = [*(part.positions for part in reference.phases), *states.list_positions()]
+        comparing_share = 0.35  # of the time limit, until parts that change no bit are found
         # Distances of a configuration take as long as a few steps.
         seconds = sum(map(len, positions)) * count_pace(motions)
         parts = find_parts(
             examined,
             self.base,
-            loaded,
+            states,
             positions,
             request.keep,
             with_masks=not needs_masks(examined, self.runs.grips),
             far=request.far_distance,
-            offers_far=seconds < 0.01 * request.max_time,  # as long as one part may take
+            limits=ComparisonLimits(
+                offers_far=seconds < 0.01 * request.max_time,  # as long as one part may take
+                is_late=lambda: allowed.elapsed > comparing_share * allowed.seconds,
+            ),
         )
         keep = request.keep
         model = self.base
@@ -175,8 +190,11 @@ class EffectsStudy:
         self.measured = [MeasuredPart(part) for part in parts]
         self.noise_floor: TimeRatio | None = None
 
-    def measure_parts(self) -> None:
-        """Time the parts that may go, then measure errors, from the largest saving on."""
+    def measure_savings(self) -> None:
+        """Count the work without each part that may go, then measure errors and times.
+
+        Those that save most work come first. If there is no time for all, only they are timed.
+        """
         may_go = [
             one
             for one in self.measured
@@ -186,35 +204,39 @@ class EffectsStudy:
         ]
         models = [self._compile_without(one.part) for one in may_go]
         timed = [(one, model) for one, model in zip(may_go, models, strict=True) if model]
-        made = [*(model for _, model in timed), change_model(self.base)]
-        rounds = 2 * _CLOSE.looks * _CLOSE.rounds
-        is_fast = len(made) * rounds * self.clock.turn_seconds < self._timing_seconds
-        *ratios, self.noise_floor = self.clock.time_ratios(
-            [(model, 1) for model in made], _CLOSE if is_fast else _SCREENING
-        )
         costs = self.clock.count_costs([(model, 1) for _, model in timed])
-        for (one, _), ratio, cost in zip(timed, ratios, costs, strict=True):
-            one.ratio, one.cost = ratio, cost
-        others = [one for one in self.measured if one not in may_go and one.part.exercised]
-        may_go.sort(key=lambda one: one.cost)
-        both = (*may_go, *others)
-        for one in count_steps(both, "parts", len(both)):
-            if one.verdict_at != "not measured":
-                continue
-            one.late = self._is_late
-            if not one.late:
-                one.error = self.errors.estimate_error([one.part])
+        for (one, _), cost in zip(timed, costs, strict=True):
+            one.cost = cost
+        rounds = 2 * _CLOSE.looks * _CLOSE.rounds
+        is_fast = (len(timed) + 1) * rounds * self.clock.turn_seconds < self._timing_seconds
+        saving = [one for one in may_go if is_fast or one.saves_work]
+        measuring_share = 0.5  # of the time limit; the rest is for the smaller model
+        self._measure_errors(sorted(saving, key=lambda one: one.cost), measuring_share)
+        made = [(one, model) for one, model in timed if one in saving]
+        changed = [(model, 1) for _, model in made]
+        *ratios, self.noise_floor = self.clock.time_ratios(
+            [*changed, (change_model(self.base), 1)], _CLOSE if is_fast else _SCREENING
+        )
+        for (one, _), ratio in zip(made, ratios, strict=True):
+            one.ratio = ratio
+
+    def measure_others(self) -> None:
+        """Measure the errors, then the times, of parts that stay in any case or save nothing."""
+        others = [one for one in self.measured if one.part.exercised and one.ratio is None]
+        self._measure_errors(others, 1.0)
         shown = [one for one in others if one.error is not None]
-        if shown and not self._is_late:
+        if shown and self._allowed.remaining > 0:
             models = [(change_model(self.base, one.part.change), 1) for one in shown]
             few_rounds = TimingProtocol(rounds=2, looks=1)  # for parts that stay in any case
             for one, ratio in zip(shown, self.clock.time_ratios(models, few_rounds), strict=True):
                 one.ratio = ratio
 
-    @property
-    def _is_late(self) -> bool:
-        measuring_share = 0.5  # of the time limit; the rest is for the smaller model
-        return self._allowed.elapsed > measuring_share * self._allowed.seconds
+    def _measure_errors(self, parts: Sequence[MeasuredPart], share: float) -> None:
+        for one in count_steps(parts, "parts", len(parts)):
+            if one.verdict_at == "not measured":
+                one.late = self._allowed.elapsed > share * self._allowed.seconds
+                if not one.late:
+                    one.error = self.errors.estimate_error([one.part])
 
     def _compile_without(self, part: ModelPart) -> mujoco.MjModel | None:
         if not part.recompiles:

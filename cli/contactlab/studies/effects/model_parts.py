@@ -7,7 +7,6 @@ load uses, and that has no proof, is checked: without it, the motions must be th
 import copy
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from operator import eq
 
 import mujoco
 import numpy as np
@@ -55,7 +54,7 @@ from contactlab.studies.verification.runs import (
     hold_inputs,
 )
 from contactlab.tasks.checked_model import CheckedModel
-from contactlab.tasks.stress_motions import state_bytes
+from contactlab.tasks.stress_motions import KnownStates, visit_states
 
 _NO_TARGETS = EditTargets((), (), None)
 _CANNOT_TOUCH = "cannot touch, whatever their joints do within their ranges"
@@ -145,35 +144,49 @@ def _flag_bits(name: str) -> tuple[int, int]:
     )
 
 
+@dataclass(frozen=True)
+class ComparisonLimits:
+    """Limits of time on the search for parts.
+
+    Attributes:
+        offers_far: whether there is time to offer collisions of pairs that stayed far apart.
+        is_late: whether no time is left for comparisons; other parts then count as used.
+    """
+
+    offers_far: bool = True
+    is_late: Callable[[], bool] = lambda: False
+
+
 def find_parts(
     checked: CheckedModel,
     model: mujoco.MjModel,
-    motions: Sequence[Motion],
+    states: KnownStates,
     positions: Sequence[Floats],
     keep: Sequence[str],
     *,
     with_masks: bool,
     far: float | None = None,
-    offers_far: bool = True,
+    limits: ComparisonLimits | None = None,
 ) -> list[ModelPart]:
     """Return the features and parts of a model, and whether any motion depends on each of them.
 
     Args:
         checked: the model with its task.
         model: the model as compiled from its files.
-        motions: of the task, and under other loads.
+        states: of the motions of the task, and of those under other loads.
         positions: configurations (T, nq) that proofs take for joints without ranges.
         keep: names of parts that stay.
         with_masks: whether geoms that touch nothing may go: their file has all that they touch.
         far: pairs that stayed at least this far apart may go [m]; None to offer that only.
-        offers_far: whether there is time to offer it.
+        limits: of time; None for none.
     """
+    motions, limits = states.motions, limits or ComparisonLimits()
     found = [
         *list_model_features(checked, motions[0].model, with_masks=with_masks),
         *_list_collisions(motions, positions, keep, with_masks=with_masks),
         *(
             _list_far_pairs(motions[0].model, positions, keep, far, with_masks=with_masks)
-            if offers_far or far is not None
+            if limits.offers_far or far is not None
             else ()
         ),
         *_list_limits_and_tendons(motions, keep),
@@ -183,12 +196,12 @@ def find_parts(
     found = [
         replace(part, kept=part.kept or "--keep") if part.name in keep else part for part in found
     ]
-    own = [*state_bytes(motions, checked.threads)]
 
     def is_idle(parts: Sequence[ModelPart]) -> bool:
+        if limits.is_late():
+            return False
         changes = [part.change for part in parts]
-        made = [replace(motion, model=change_model(motion.model, *changes)) for motion in motions]
-        return all(map(eq, own, state_bytes(made, checked.threads)))
+        return states.match_models([change_model(motion.model, *changes) for motion in motions])
 
     idle = [
         part for part in found if not (part.exercised or part.proof or part.adds or part.assumed)
@@ -545,8 +558,5 @@ def find_moving_actuators(motion: Motion, threads: int) -> Floats:
     run = build_tracking_runs(motion, motion, range(model.nu))[0].original
     held = hold_inputs(motion, TRACKING_SECONDS, lambda own: own)
     still = replace(held, starts=held.starts[:1], inputs=held.inputs[:1])
-    excited, unmoved = (
-        np.frombuffer(states).reshape(rows, run.steps + 2, -1)[:, :-1, : model.nq]
-        for states, rows in zip(state_bytes([run, still], threads), (model.nu, 1), strict=True)
-    )
+    excited, unmoved = (visit_states(each, threads)[:, :-1, : model.nq] for each in (run, still))
     return np.nan_to_num(np.abs(excited - unmoved)).max(axis=(1, 2))

@@ -74,6 +74,17 @@ class MeasuredPart:
     late: bool = False
 
     @property
+    def saves_work(self) -> bool:
+        """Whether a smaller model may gain by leaving it out.
+
+        Collisions and sensors that nothing uses go even if they hardly cost anything.
+        """
+        if self.part.proof and self.part.kind != "feature":
+            return self.cost <= 1
+        least_saving = 0.01  # of the counted time, since a feature costs a changed line
+        return self.cost < 1 - least_saving
+
+    @property
     def verdict_at(self) -> "PartVerdict | None":
         """The verdict that needs no tolerance; None if the error decides."""
         if self.part.proof:

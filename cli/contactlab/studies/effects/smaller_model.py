@@ -6,13 +6,14 @@ the model as written.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from operator import eq
+from functools import cached_property
 from pathlib import Path
 from shutil import rmtree
 
 import mujoco
 
 from contactlab.budget import Motion
+from contactlab.budget.counted_time import count_pace
 from contactlab.errors import EngineError, SceneError
 from contactlab.reporting.verified_measures import describe_measure
 from contactlab.scene.model_draft import ModelEdits
@@ -25,11 +26,16 @@ from contactlab.studies.effects.model_parts import ModelPart, change_model
 from contactlab.studies.effects.part_errors import LOAD_MARGIN, MeasuredPart, PartErrors
 from contactlab.studies.verification import OriginalRuns, VerificationRequest, verify_change
 from contactlab.studies.verification.grip_measures import compare_grips
+from contactlab.studies.verification.panel_cost import (
+    estimate_panel,
+    fewest_windows_share,
+    fit_panel,
+)
 from contactlab.tasks.checked_model import CheckedModel
 from contactlab.tasks.compiled_changes import compile_changed
 from contactlab.tasks.reference_error import ErrorEstimate
 from contactlab.tasks.session import Session
-from contactlab.tasks.stress_motions import double_inputs, state_bytes, tilt_gravity
+from contactlab.tasks.stress_motions import KnownStates, double_inputs, tilt_gravity
 from contactlab.tasks.task_clock import Clock
 from contactlab.tasks.task_motions import with_new_seeds
 from contactlab.tasks.time_limit import TimeLimit
@@ -71,7 +77,8 @@ class SmallerSearch:
     def find_smaller(self, free: Sequence[MeasuredPart]) -> SmallerModel | None:
         """Return the smaller model; None if no set of parts saves enough and passes."""
         rmtree(self.session.folder / FOLDER, ignore_errors=True)
-        chosen = sorted(filter(_is_worthwhile, free), key=lambda one: one.cost)
+        chosen = [one for one in free if one.ratio is not None and one.saves_work]
+        chosen.sort(key=lambda one: one.cost)
         while chosen:
             parts = [one.part for one in chosen]
             error = self._estimate_joint_error(parts)
@@ -98,6 +105,7 @@ class SmallerSearch:
                 continue
             changed = self.scenarios.open_written(written, edits)
             verified, sentence, passed = self._verify_model(changed)
+            sentence += self._describe_shortening() if passed else ""
             if passed:
                 timed = self._time_whole_runs(made)
                 if timed.is_greater():
@@ -161,6 +169,28 @@ class SmallerSearch:
             return compile_changed(self._original_model, edits)
         return change_model(self.base, *(part.change for part in parts))
 
+    @cached_property
+    def _panel_size(self) -> tuple[int, float]:
+        # Seeds, and the share of the length of runs, that the remaining time allows. They stay the
+        # same, since the runs of the model as written are kept.
+        original = self._original_model
+        motions, first_share = original.motions, 0.6  # of the time, for the first set
+        model, pace = motions[0].model, count_pace(motions)
+
+        def estimate(seeds: int, share: float) -> float:
+            return estimate_panel(model, original.task, seeds, share, pace).first
+
+        allowed = first_share * self.allowed.remaining
+        seeds, share = fit_panel(estimate, len(original.task.seeds), allowed)
+        return seeds, max(fewest_windows_share(original.task), min(1.0, share))
+
+    def _describe_shortening(self) -> str:
+        task, (seeds, share) = self._original_model.task, self._panel_size
+        left = [f"{seeds} of {len(task.seeds)} seeds"] if seeds < len(task.seeds) else []
+        if share < 1:
+            left.append(f"runs of {share * task.duration:.2g} s for {task.duration:g} s")
+        return f"; {' and '.join(left)}, since --max-time allows no more" if left else ""
+
     def _verify_model(self, changed: CheckedModel) -> tuple[VerifiedChange | None, str, bool]:
         # There are no measures if each bit of the motion is equal.
         original = self._original_model
@@ -175,6 +205,8 @@ class SmallerSearch:
             same_model=False,
             allowed_error=original.task.tolerance,
             stop_early=True,
+            most_seeds=self._panel_size[0],
+            length_share=self._panel_size[1],
             runs=self.runs,
             left=lambda: self.allowed.remaining,
         )
@@ -186,12 +218,9 @@ class SmallerSearch:
         return found, found.sentence, found.passed and not found.ended_early
 
     def _moves_alike(self, changed: CheckedModel) -> bool:
-        pairs = zip(_load_motions(self._original_model), _load_motions(changed), strict=True)
-        threads = self._original_model.threads
-        return all(
-            all(map(eq, state_bytes([own], threads), state_bytes([other], threads)))
-            for own, other in pairs
-        )
+        seeds, threads = self._panel_size[0], self._original_model.threads
+        own = KnownStates([*_load_motions(self._original_model, seeds)], threads)
+        return own.match_motions([*_load_motions(changed, seeds)])
 
     def _time_whole_runs(self, made: mujoco.MjModel) -> TimeRatio:
         timing_share = 0.3  # of the remaining time, for the written model
@@ -209,19 +238,11 @@ class SmallerSearch:
             yield self._original_model.motions_of(task)
 
 
-def _load_motions(checked: CheckedModel) -> Iterator[Motion]:
-    for task in (checked.task, with_new_seeds(checked.task)):
+def _load_motions(checked: CheckedModel, seeds: int) -> Iterator[Motion]:
+    own = checked.task.model_copy(update={"seeds": checked.task.seeds[:seeds]})
+    for task in (own, with_new_seeds(own)):
         for motion in checked.motions_of(task):
             yield from (motion, tilt_gravity(motion), double_inputs(motion))
-
-
-def _is_worthwhile(one: MeasuredPart) -> bool:
-    if one.ratio is None:
-        return False
-    if one.part.proof and one.part.kind != "feature":
-        return one.cost <= 1
-    least_saving = 0.01  # of the counted time, since a feature costs a changed line
-    return one.cost < 1 - least_saving
 
 
 def describe_result(smaller: SmallerModel | None, search: SmallerSearch) -> str:

@@ -42,17 +42,17 @@ from contactlab.studies.search.sleep_error import SleepAwareError
 from contactlab.studies.search.tune_request import TuneRequest
 from contactlab.studies.verification.grip_measures import needs_masks
 from contactlab.studies.verification.panel import ERROR_FLOOR, OriginalRuns
-from contactlab.studies.verification.panel_cost import PanelCost, estimate_panel
+from contactlab.studies.verification.panel_cost import (
+    PanelCost,
+    estimate_panel,
+    fewest_windows_share,
+    fit_panel,
+)
 from contactlab.tasks.checked_model import CheckedModel
 from contactlab.tasks.compiled_changes import compile_changed
 from contactlab.tasks.counted_cost import CountedCost
 from contactlab.tasks.reference_error import TaskReference
-from contactlab.tasks.stress_motions import (
-    double_inputs,
-    state_bytes,
-    tilt_gravity,
-    visited_positions,
-)
+from contactlab.tasks.stress_motions import KnownStates, double_inputs, tilt_gravity
 from contactlab.tasks.task_motions import shorten_task
 from contactlab.tasks.time_limit import TimeLimit
 
@@ -116,7 +116,6 @@ class SearchRules:
         search_passes: approximate simulations of the task per search.
         fewest_passes: below, runs are shortened: exact savings, the solver, and a few steps.
         fresh_passes: simulations of the task per seed, for references and errors on fresh seeds.
-        fewest_windows: in the shortest phase.
         most_window_stride: at least one in this many windows is used.
     """
 
@@ -133,7 +132,6 @@ class SearchRules:
     search_passes: int = 80
     fewest_passes: int = 30
     fresh_passes: int = 16
-    fewest_windows: int = 3
     most_window_stride: int = 4
 
 
@@ -242,16 +240,13 @@ class TuningProblem:
         if self._request.error_at is not None:
             return self.seeds, 1.0
         allowed = _RULES.first_verification_share * self._verification_work
-        seeds = self.seeds
-        while seeds > 1 and self._estimate_panel(seeds, 1.0).first > allowed:
-            seeds -= 1
-        whole = self._estimate_panel(seeds, 1.0).first
-        rest = self._estimate_panel(seeds, 0.0).first
-        verified = (allowed - rest) / (whole - rest)
+
+        def estimate(seeds: int, share: float) -> float:
+            return self._estimate_panel(seeds, share).first
+
+        seeds, verified = fit_panel(estimate, self.seeds, allowed)
         passes = self.search_passes / _RULES.fewest_passes
-        shortest = min(phase.end - phase.begin for phase in self.task.phases)
-        fewest = min(1.0, _RULES.fewest_windows * WINDOW / shortest)
-        return seeds, max(fewest, min(1.0, verified, passes))
+        return seeds, max(fewest_windows_share(self.task), min(1.0, verified, passes))
 
     def _plan_verdicts(self) -> int:
         """Return how many candidates may be verified within the counted work."""
@@ -401,23 +396,14 @@ class TuningProblem:
         return made
 
     def moves_alike(self, model: mujoco.MjModel) -> bool:
-        """Return whether each bit of the task's motion is that of the model as written.
-
-        Most models differ after a few steps, so that these are compared first.
-        """
-        for motions, own in self._own_states:
-            made = self.as_run(model, motions[0].model)
-            changed = state_bytes([replace(each, model=made) for each in motions], self.threads)
-            if any(first != second for first, second in zip(own, changed, strict=True)):
-                return False
-        return True
+        """Return whether each bit of the task's motion is that of the model as written."""
+        return self._own_states.match_models(
+            [self.as_run(model, motion.model) for motion in self.motions]
+        )
 
     @cached_property
-    def _own_states(self) -> list[tuple[list[Motion], list[bytes]]]:
-        """The first steps of the task and the whole task, with the bytes of their states."""
-        first_steps = 20  # in which a model that moves otherwise usually shows it
-        begin = [replace(each, inputs=each.inputs[:, :first_steps]) for each in self.motions]
-        return [(each, list(state_bytes(each, self.threads))) for each in (begin, self.motions)]
+    def _own_states(self) -> KnownStates:
+        return KnownStates(self.motions, self.threads)
 
     def _find_unused(self) -> ModelEdits:
         """Find parts that change no state: without them the motion is the same, bit for bit."""
@@ -467,7 +453,8 @@ class TuningProblem:
         model, distance = self.own_model, self.far_distance
         moved = [*map(tilt_gravity, self.motions), *map(double_inputs, self.motions)]
         runs = [part.positions for part in self.reference.phases]
-        near = pairs_within(model, [*runs, *visited_positions(moved, self.threads)], distance)
+        visited = KnownStates(moved, self.threads).list_positions()
+        near = pairs_within(model, [*runs, *visited], distance)
         if near is None:
             return frozenset()
         return frozenset(pair for pair in filtered_pairs(model) if pair not in near)

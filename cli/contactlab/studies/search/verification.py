@@ -10,6 +10,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from shutil import rmtree
 
+import mujoco
+
 from contactlab.budget import Motion, Settings, error_budget, judge
 from contactlab.errors import SceneError
 from contactlab.modifications.unused_pairs import pairs_within
@@ -54,7 +56,7 @@ from contactlab.studies.verification.panel import ERROR_FLOOR
 from contactlab.tasks.checked_model import CheckedModel, open_changed_model
 from contactlab.tasks.reference_error import ErrorEstimate, TaskReference
 from contactlab.tasks.session import Session
-from contactlab.tasks.stress_motions import double_inputs, state_bytes, tilt_gravity
+from contactlab.tasks.stress_motions import KnownStates, double_inputs, tilt_gravity
 from contactlab.tasks.task_motions import with_new_seeds
 from contactlab.tasks.time_limit import TimeLimit
 
@@ -331,13 +333,12 @@ class CandidateVerifier:
                 for change in (tilt_gravity, double_inputs)
             ),
         ]
-        changed = list[Motion]()
+        changed = list[mujoco.MjModel]()
         for motion in own:
             other = self._problem.as_run(made, motion.model)
             other.opt.gravity[:] = motion.model.opt.gravity
-            changed.append(replace(motion, model=other))
-        runs = (state_bytes(motions, self._problem.threads) for motions in (own, changed))
-        return all(first == second for first, second in zip(*runs, strict=True))
+            changed.append(other)
+        return KnownStates(own, self._problem.threads).match_models(changed)
 
     def _reject_candidate(self, tried: Evaluation, reason: str) -> None:
         self.rejected.add(tried.configuration.key)

@@ -1,10 +1,11 @@
 """Estimates the time of a verification from counted work, so that it is planned, not timed."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import mujoco
 
+from contactlab.budget.measuring import WINDOW
 from contactlab.schema.task import Task
 from contactlab.studies.verification.runs import (
     REFERENCE_RATE,
@@ -88,6 +89,31 @@ def estimate_panel(
     later += 2 * errors + labels + verdict
     first += (_WORK.error_rate + 2) * errors + 2 * labels + 2 * verdict
     return PanelCost(first, later)
+
+
+def fit_panel(
+    estimate: Callable[[int, float], float], seeds: int, allowed: float
+) -> tuple[int, float]:
+    """Return the seeds of a verification, and the share of the length of its runs.
+
+    Seeds are reduced first, to one; the share may be negative, or larger than 1.
+
+    Args:
+        estimate: returns the time for seeds and a share [s].
+        seeds: most seeds.
+        allowed: time of the verification [s].
+    """
+    while seeds > 1 and estimate(seeds, 1.0) > allowed:
+        seeds -= 1
+    whole, rest = estimate(seeds, 1.0), estimate(seeds, 0.0)
+    return seeds, (allowed - rest) / (whole - rest)
+
+
+def fewest_windows_share(task: Task) -> float:
+    """Return the share of a task's length that leaves three windows in its shortest phase."""
+    shortest = min(phase.end - phase.begin for phase in task.phases)
+    fewest_windows = 3
+    return min(1.0, fewest_windows * WINDOW / shortest)
 
 
 def _list_runs(model: mujoco.MjModel, task: Task, seeds: int) -> Iterator[tuple[float, int]]:
