@@ -1,9 +1,11 @@
 """Examinations of loops name the border, and offer what holds in the loop."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import pytest
 
 from contactlab.plan.task_options import TaskOptions
@@ -91,3 +93,29 @@ def test_a_faster_loop_is_verified_as_other_fixes(
     assert first.settings["drive.rate"] == pytest.approx(kd / INERTIA, rel=0.07)
     assert first.settings.get("timestep") == (step and pytest.approx(step))
     assert f"rate={first.settings['drive.rate']:g}" in first.name
+
+
+@pytest.mark.long
+def test_a_pd_moves_into_the_model(tmp_path: Path) -> None:
+    """The written servos hold with the controller that sends targets, and keep the force range."""
+    (tmp_path / "wheel.xml").write_text(WHEEL)
+    task = TaskOptions(drive=read_drive(f"kp=1e-3,kd={KD}"), duration=1.0)
+    request = ExamineRequest(str(tmp_path / "wheel.xml"), task=task, apply=("loop-servos",))
+    request = replace(request, write=tmp_path / "out" / "servos.xml")
+    report = run(request, Session(tmp_path / "results"))
+    first = report.fixes[0]
+    assert first.apply == "loop-servos"
+    assert first.verification is not None
+    assert first.verification.passed
+    assert first.settings == {"integrator": "implicitfast", "drive.send": "targets"}
+    assert first.lines[-1].startswith("in your own controller: send")
+    made = mujoco.MjModel.from_xml_path(str(report.written))
+    assert made.actuator_forcerange[0].tolist() == [-5, 5]
+    assert made.actuator_biasprm[0, 1:3].tolist() == [-1e-3, -KD]
+    drive = read_drive(f"kp=1e-3,kd={KD},send=targets")
+    task = TaskOptions(drive=drive, duration=1.0)
+    again = ExamineRequest(str(report.written), task=task, sections=("loop",))
+    held = run(again, Session(tmp_path / "again")).loop
+    assert held is not None
+    assert held.holds
+    assert held.inside is None

@@ -192,6 +192,22 @@ class LoopRows:
         ends = np.array([rows._read_state(row, 0) for row in range(1, 1 + 2 * size)])
         return ((ends[::2] - ends[1::2]) / (2 * nudge)).T
 
+    @property
+    def policy(self) -> Any:  # noqa: ANN401 - code
+        """The controller."""
+        return self._policy
+
+    def linearize_policy(self) -> Floats:
+        """Return (nu, 2 nv) the derivative of the controls by positions and velocities."""
+        self.ask_policy()  # the controller makes its memory in its first call
+        size, nudge = 2 * self.model.nv, self.loop.nudge
+        rows = self.repeat_row(1 + 2 * size)
+        for place in range(size):
+            rows._nudge_state(1 + 2 * place, place, nudge)
+            rows._nudge_state(2 + 2 * place, place, -nudge)
+        controls = rows.ask_policy()[1:]
+        return ((controls[::2] - controls[1::2]) / (2 * nudge)).T
+
     def find_difference(self, row: int) -> float:
         """Return how much the velocity of a row differs from that of the first [rad/s or m/s]."""
         return float(np.linalg.norm(self.data[row].qvel - self.data[0].qvel))

@@ -38,7 +38,7 @@ from contactlab.engines.mujoco_batch import (
     start_batch,
 )
 from contactlab.engines.older_mujoco import SimulationError
-from contactlab.engines.pd_controller import PdController
+from contactlab.engines.pd_controller import PdController, send_targets
 from contactlab.errors import SceneError, in_one_line
 from contactlab.foreign_code import ends_command, limited_code, printed_as_text
 from contactlab.numerical_tolerance import COARSE_ROUNDING
@@ -365,11 +365,14 @@ def allowed_policy(drive: LocatedDrive, *, allowed: bool) -> LocatedDrive | None
 def load_policy(located: LocatedDrive) -> PolicyClass:
     """Return the class of a policy; a SceneError if its file changed, fails or lacks it."""
     assert isinstance(located.drive, PolicyDrive)
-    if isinstance(located.drive, PdDrive):
-        return partial(PdController, kp=located.drive.kp, kd=located.drive.kd)
-    located.check_unchanged()
-    name = located.drive.policy.rpartition(":")[2]
-    return cast("PolicyClass", load_code("policy", located.files[0], name))
+    drive = located.drive
+    if isinstance(drive, PdDrive):
+        found: PolicyClass = partial(PdController, kp=drive.kp, kd=drive.kd)
+    else:
+        located.check_unchanged()
+        name = drive.policy.rpartition(":")[2]
+        found = cast("PolicyClass", load_code("policy", located.files[0], name))
+    return send_targets(found) if drive.send else found
 
 
 def load_code(what: str, file: Path, name: str) -> Callable[..., object]:

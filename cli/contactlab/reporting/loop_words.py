@@ -7,10 +7,10 @@ from contactlab.rendering.document import Block, Column, Sentence, table_of
 from contactlab.schema.control_loop import ControlLoopReport
 
 _NAMES = {
-    "rate": "rate of the controller",
+    "rate": "rate",
     "delay": "delay",
     "gain": "gains, as a factor",
-    "armature": "armature of all driven joints",
+    "armature": "armature, all driven",
 }
 
 
@@ -36,7 +36,7 @@ def loop_sentence(report: ControlLoopReport) -> str:
             f", and {format_frequency(safe['rate'])} or {format_digits(safe['armature'], 2)} holds "
             "twice its gains"
         )
-    inside = "; so do the same gains as position servos of the model, with implicitfast"
+    inside = "; so do position servos of the model with the same gains (--apply loop-servos)"
     return (
         f"the loop at {rate} does not hold joint {report.joint}{told if parts else ''}"
         f"{inside if report.inside else ''}"
@@ -62,23 +62,21 @@ def loop_blocks(report: ControlLoopReport) -> Iterator[Block]:
         f"period, {growth} 1/s; a small offset grows by {format_amount(report.simulated_growth)} "
         f"1/s in a run (up to {format_digits(report.allowed_growth, 2)} 1/s holds)"
     )
+    has_doubled = any(margin.doubled for margin in report.margins)
     rows = [
         (
             _NAMES[margin.name],
             format_amount(margin.current, margin.unit, digits=3),
             "from" if margin.holds_above else "up to",
-            format_amount(margin.border, margin.unit, digits=3),
-            format_amount(margin.linear, margin.unit, digits=3),
+            *(
+                format_amount(value, margin.unit, digits=3)
+                for value in (margin.border, margin.linear, margin.doubled)[: 2 + has_doubled]
+            ),
         )
         for margin in report.margins
     ]
+    heads = ("now", "holds", "simulated", "linear", "twice the gains")[: 4 + has_doubled]
     yield table_of(
-        (
-            "each alone",
-            Column("now", "right"),
-            "holds",
-            Column("simulated", "right"),
-            Column("linear", "right"),
-        ),
+        ("each alone", *(Column(head, "right") if head != "holds" else head for head in heads)),
         rows,
     )

@@ -43,6 +43,7 @@ from contactlab.scene.model_text import (
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource
+from contactlab.schema.servo import PositionServo
 
 PRIMITIVES: Mapping[str, mujoco.mjtGeom] = {
     "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
@@ -74,6 +75,9 @@ class ModelEdits:
     posed: tuple[tuple[str, tuple[float, ...]], ...] = ()
     # Bodies that begin elsewhere in the reference pose, with their `pos` in the parent.
     placed: tuple[tuple[str, tuple[float, ...]], ...] = ()
+    # Motors that become position servos, and keyframes with the targets of these.
+    servos: tuple[PositionServo, ...] = ()
+    steered: tuple[tuple[str, tuple[float, ...]], ...] = ()
     # Names of sensors to remove; a sensor without a name is called like `sensor[3]`.
     sensors: tuple[str, ...] = ()
     # Most vertices of the convex hulls of meshes, by name.
@@ -129,6 +133,8 @@ def join_edits(some: Sequence[ModelEdits]) -> ModelEdits:
         fitted=tuple(dict(pair for each in some for pair in each.fitted).items()),
         posed=tuple(dict(pair for each in some for pair in each.posed).items()),
         placed=tuple(dict(pair for each in some for pair in each.placed).items()),
+        servos=tuple({servo.actuator: servo for each in some for servo in each.servos}.values()),
+        steered=tuple(dict(pair for each in some for pair in each.steered).items()),
         sensors=tuple(dict.fromkeys(name for each in some for name in each.sensors)),
         hulls={name: count for each in some for name, count in each.hulls.items()},
         unflagged=tuple(dict.fromkeys(name for each in some for name in each.unflagged)),
@@ -230,26 +236,23 @@ def edit_spec(spec: mujoco.MjSpec, edits: ModelEdits) -> None:
     """Apply the changes of a specification that are not settings."""
     if edits.masked and spec.compiler.discardvisual:
         raise SceneError("cannot mask a geom: <compiler discardvisual> would remove it")
-    for name in edits.masked:
-        geom = _find_element(spec, "geom", name)
-        geom.contype = geom.conaffinity = 0
-    for name, attribute, bits in edits.opened:
-        setattr(_find_element(spec, "geom", name), attribute, bits)
+    for kind, name, attribute, value in _attribute_edits(edits):
+        own = PRIMITIVES[value] if isinstance(value, str) and attribute == "type" else value
+        setattr(_find_element(spec, kind, name), attribute, own)
     for pair in edits.excluded:
         one, other = (_find_element(spec, "body", name).name for name in pair)
         spec.add_exclude(bodyname1=one, bodyname2=other)
     for name in edits.freed:
         spec.compiler.fusestatic = False  # otherwise bodies welded to the world merge into it
         _find_element(spec, "body", name).add_freejoint()
-    for name, primitive in edits.fitted:
-        _find_element(spec, "geom", name).type = PRIMITIVES[primitive]
-    for name, place in edits.placed:
-        _find_element(spec, "body", name).pos = place
     for name, qpos in edits.posed:
         key = _elements_by_name(spec, "key").get(name) or spec.add_key(name=name)
         key.qpos = qpos
-    for name, count in edits.hulls.items():
-        _find_element(spec, "mesh", name).maxhullvert = count
+    for servo in edits.servos:
+        actuator = _find_element(spec, "actuator", servo.actuator)
+        actuator.set_to_position(kp=servo.kp, kv=servo.kv)
+        actuator.forcelimited, actuator.forcerange = bool(servo.forces), servo.forces or (0, 0)
+        actuator.ctrllimited, actuator.ctrlrange = False, servo.targets
     for kind, names in (
         ("sensor", edits.sensors),
         ("pair", edits.pairs),
@@ -306,6 +309,7 @@ class Draft:
     lines: Mapping[str, Mapping[str, int]]
     # Attributes to set.
     values: dict[Origin, dict[str, str]] = field(default_factory=lambda: defaultdict(dict))
+    renamed: dict[Origin, str] = field(default_factory=dict[Origin, str])  # new tags
     removed: set[Origin] = field(default_factory=set[Origin])  # elements to remove
     added: list[str] = field(default_factory=list[str])  # lines to add at the main file's end
     # Lines to add at the end of elements.
@@ -368,6 +372,18 @@ class Draft:
         found = _TAG_NAME.match(data, elements_of(data)[place].start)
         return found[1].decode() if found else ""
 
+    def _write_servo(self, servo: PositionServo) -> None:
+        origin = self._find_origin("actuator", servo.actuator)
+        self.renamed[origin] = "position"
+        self.values[origin] |= {
+            "kp": mjcf_text(servo.kp),
+            "kv": mjcf_text(servo.kv),
+            "forcelimited": str(bool(servo.forces)).lower(),
+            "forcerange": mjcf_text(list(servo.forces or (0.0, 0.0))),
+            "ctrllimited": "false",
+            "ctrlrange": mjcf_text(list(servo.targets)),
+        }
+
     def _set_attribute(self, kind: str, name: str, attribute: str, value: str) -> None:
         self.values[self._find_origin(kind, name)][attribute] = value
 
@@ -392,11 +408,13 @@ class Draft:
 
     def set_parts(self, edits: ModelEdits, meant: CompiledFiles) -> None:
         """Apply the changes that no field of a compiled model shows; remove deleted elements."""
-        for change in _attribute_edits(edits):
-            self._set_attribute(*change)
+        for kind, name, attribute, value in _attribute_edits(edits):
+            self._set_attribute(kind, name, attribute, mjcf_text(value))
         for one, other in edits.excluded:
             pair = attribute_text({"body1": one, "body2": other})
             self.added.append(f"<contact><exclude{pair}/></contact>")
+        for servo in edits.servos:
+            self._write_servo(servo)
         for name in edits.freed:
             self.inserted[self._find_origin("body", name)] = "<freejoint/>"
         for name, qpos in edits.posed:
@@ -416,7 +434,7 @@ class Draft:
         for path, data in self.before.items():
             elements = elements_of(data)
             found = [
-                with_attributes(data, elements[place], values)
+                with_attributes(data, elements[place], values, self.renamed.get((file, place)))
                 for (file, place), values in self.values.items()
                 if file == path
             ]
@@ -451,18 +469,20 @@ class Draft:
                     yield Change(path.relative_to(folder).as_posix(), line, " ".join(part.split()))
 
 
-def _attribute_edits(edits: ModelEdits) -> Iterator[tuple[str, str, str, str]]:
+def _attribute_edits(edits: ModelEdits) -> Iterator[tuple[str, str, str, object]]:
     """Yield the attributes that edits set: kind and name of an element, attribute and value."""
     for name, attribute in product(edits.masked, ("contype", "conaffinity")):
-        yield "geom", name, attribute, "0"
+        yield "geom", name, attribute, 0
     for name, attribute, bits in edits.opened:
-        yield "geom", name, attribute, str(bits)
+        yield "geom", name, attribute, bits
     for name, count in edits.hulls.items():
-        yield "mesh", name, "maxhullvert", str(count)
+        yield "mesh", name, "maxhullvert", count
     for name, primitive in edits.fitted:
         yield "geom", name, "type", primitive
     for name, place in edits.placed:
-        yield "body", name, "pos", mjcf_text(list(place))
+        yield "body", name, "pos", place
+    for name, ctrl in edits.steered:
+        yield "key", name, "ctrl", ctrl
     for name in {name for pair in edits.excluded for name in pair}:
         if _UNNAMED_BODY.fullmatch(name):  # the body has no name in its file
             yield "body", name, "name", name

@@ -16,6 +16,8 @@ from contactlab.scene.model_files import FileSearch
 from contactlab.scene.model_xml import parse
 
 _FIRST_CHILD = re.compile(rb"[ \t]*\r?\n([ \t]+)<")
+_GENERAL = re.compile(rb"""\s(gain|bias)(type|prm)\s*=\s*("[^"]*"|'[^']*')""")
+_TAG = re.compile(rb"<[^\s/>]+")
 _ATTRIBUTE = re.compile(rb"""\s([^\s=]+)\s*=\s*("[^"]*"|'[^']*')""")
 _XML_MARKUP = re.compile(
     rb"""<!--.*?-->|<!\[CDATA\[.*?\]\]>|<[!?].*?>|<(?:[^"'>]|"[^"]*"|'[^']*')*>""", re.DOTALL
@@ -72,8 +74,13 @@ def elements_of(data: bytes) -> list[ElementText]:
     return found
 
 
-def with_attributes(data: bytes, element: ElementText, values: Mapping[str, str]) -> Replacement:
-    """Return an element's start tag with attributes set; new ones follow the others."""
+def with_attributes(
+    data: bytes, element: ElementText, values: Mapping[str, str], tag: str | None = None
+) -> Replacement:
+    """Return an element's start tag with attributes set; new ones follow the others.
+
+    An actuator that gets another tag loses its attributes of a general one, and its end tag.
+    """
     missing = dict(values)
 
     def put(found: re.Match[bytes]) -> bytes:
@@ -82,8 +89,11 @@ def with_attributes(data: bytes, element: ElementText, values: Mapping[str, str]
 
     text = _ATTRIBUTE.sub(put, data[element.start : element.inner])
     head = text[:-1].rstrip(b"/").rstrip()
-    text = head + attribute_text(missing).encode() + text[len(head) :]
-    return Replacement(element.start, element.inner, text)
+    rest, end = text[len(head) :], element.inner
+    if tag is not None:
+        head = _GENERAL.sub(b"", head)
+        head, rest, end = _TAG.sub(b"<" + tag.encode(), head, count=1), b"/>", element.end
+    return Replacement(element.start, end, head + attribute_text(missing).encode() + rest)
 
 
 def remove_element(data: bytes, element: ElementText) -> Replacement:

@@ -41,8 +41,8 @@ class ControlLoopReport(Model):
     )
     holds: bool = about("Whether the simulated loop holds.")
     inside: bool | None = about(
-        "Whether the same PD holds as position servos of the model, with its step and "
-        "implicitfast; null without a PD by gains.",
+        "Whether the same PD holds as position servos of the model, with its step and an implicit "
+        "integrator; null if the policy is no PD that states its gains.",
         default=None,
     )
     margins: tuple[LoopMargin, ...] = ()

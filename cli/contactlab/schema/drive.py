@@ -91,6 +91,12 @@ class PolicyDrive(Model):
         "files that it reads, such as its weights, next to it", default=()
     )
     sha256: FileHash = None
+    send: Literal["targets"] | None = about(
+        "targets: a PD sends targets to position servos of the model, which have its gains; "
+        "otherwise it sends torques",
+        default=None,
+        exclude_if=lambda sent: sent is None,
+    )
 
     @property
     def latency_seconds(self) -> float:
@@ -247,4 +253,5 @@ def drive_text(drive: Drive) -> str:
             parts += [f"latency={drive.latency}"] * bool(drive.latency)
             parts += [f"noise.qpos={noise.qpos:g}"] * bool(noise.qpos)
             parts += [f"noise.qvel={noise.qvel:g}"] * bool(noise.qvel)
+            parts += [f"send={drive.send}"] * bool(drive.send)
             return ",".join(parts)

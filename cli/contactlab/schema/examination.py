@@ -8,7 +8,7 @@ from contactlab.schema.error_budget import BudgetReport
 from contactlab.schema.evidence import Setting
 from contactlab.schema.finding import Finding
 from contactlab.schema.report_model import ReportModel
-from contactlab.schema.servo import Servo
+from contactlab.schema.servo import PositionServo, Servo
 from contactlab.schema.strict_model import FiniteOrNull, Model, about
 from contactlab.schema.task import Task
 from contactlab.schema.task_verdict import TaskVerdict
@@ -104,6 +104,12 @@ class Fix(Model):
     opened_geoms: tuple[tuple[str, str, int], ...] = about(
         "Geoms that collide with more, their mask, and its new bits.", default=()
     )
+    position_servos: tuple[PositionServo, ...] = about(
+        "Motors that become position servos.", default=()
+    )
+    changed_controls: tuple[tuple[str, tuple[float, ...]], ...] = about(
+        "Keyframes, and the controls that each then has.", default=()
+    )
     error: FiniteOrNull = about("Remaining error of the reason; null if infinite.")
     distance_to_reference: FiniteOrNull = about(
         "From the model's motion at its finest step, or, against a modeling choice, from that "
@@ -111,7 +117,9 @@ class Fix(Model):
     )
     distance_before: FiniteOrNull = about("The same of the model as written; null if infinite.")
     time_ratio: TimeRatio | None = about("Time with the fix over time without; null if unknown.")
-    lines: tuple[str, ...] = about("The lines of the model's files, each after FILE:LINE.")
+    lines: tuple[str, ...] = about(
+        "The lines of the model's files, each after FILE:LINE; a sentence for another controller."
+    )
     no_patch_reason: str = about("Why there are no lines.", default="")
     verification: VerifiedChange | None = about(
         "Measures of the model with it against those of the original, if it is the first fix.",

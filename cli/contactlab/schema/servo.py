@@ -45,3 +45,15 @@ class Servo(Model):
     least_armature: FiniteOrNull = about(
         "Least armature of its joint that the step holds; null if none does."
     )
+
+
+class PositionServo(Model):
+    """A motor as a position servo within the same forces."""
+
+    actuator: str
+    kp: float = about("Force per length of the actuator.")
+    kv: float = about("Force per speed of the length.")
+    forces: tuple[float, float] | None = about("Least and largest force; null without a limit.")
+    targets: tuple[float, float] = about(
+        "Range of its joint, as lengths; zeros without a limit. Targets are not clamped to it."
+    )

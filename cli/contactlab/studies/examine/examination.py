@@ -194,7 +194,7 @@ def run(request: ExamineRequest, session: Session) -> Examination:
     study = make_loop_study(examined) if "loop" in wanted and examined.moves else None
     if study is not None:
         request.begins("measuring the loop of its policy")
-        report = report.model_copy(update={"loop": measure_loop(examined, study)})
+        report = report.model_copy(update={"loop": measure_loop(study)})
     if wanted <= _NOT_JUDGED:
         return judge_loops(report)
     with temporary_folder() as folder:
@@ -355,7 +355,7 @@ def _measure_budget(
         failed = tuple(find_failed_checks(report))
         repaired = repairer.repair_model(report.labels, faults, failed)
         repaired = _repair_design(repairer, repaired, grip, designs)
-        repaired = repairer.repair_loop(repaired, study, report.loop)
+        repaired = repairer.repair_loop(repaired, study, report.loop, request.apply)
         files = repairer.list_files(repaired)
         # A replay of a loop that does not hold misleads.
         held = report.loop is None or report.loop.holds
@@ -597,6 +597,8 @@ def _write_result(
     made, reason = None, report.fix
     if verifier is None and files is not None:
         reason = files.why_not_written(request.apply)
+        if unknown := [word for word in request.apply if word not in files.apply]:
+            reason = f"no fix is called {unknown[0]}; write one of: {', '.join(files.apply)}"
         if not reason:
             folder, name = request.write.parent, request.write.name
             made = write_model(files.scene, files.edits, folder, name).path

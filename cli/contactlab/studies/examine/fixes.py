@@ -74,6 +74,8 @@ def edits_of(fix: Fix, scene: Scene) -> ModelEdits:
         placed=fix.moved_bodies,
         masked=fix.masked_geoms,
         opened=fix.opened_geoms,
+        servos=fix.position_servos,
+        steered=fix.changed_controls,
     )
 
 
@@ -428,6 +430,8 @@ class FixSearch:
             moved_bodies=edits.placed,
             masked_geoms=edits.masked,
             opened_geoms=edits.opened,
+            position_servos=edits.servos,
+            changed_controls=edits.steered,
             error=tried.error,
             distance_to_reference=tried.distance_to_reference,
             distance_before=tried.distance_before,

@@ -8,16 +8,19 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from contactlab.closed_loop.control_loop import INTEGRATION, ControlLoop
+from contactlab.closed_loop.control_loop import ControlLoop, LoopRows
 from contactlab.closed_loop.loop_margins import LoopStudy
-from contactlab.contact.trace_arrays import Floats
+from contactlab.closed_loop.position_servos import (
+    list_stated_servos,
+    list_steered_keys,
+    move_inside,
+)
 from contactlab.engines.closed_loop import load_policy
-from contactlab.engines.pd_controller import find_motors
 from contactlab.foreign_code import printed_as_text
 from contactlab.reporting.loop_words import format_frequency, loop_sentence
 from contactlab.scene.model_draft import ModelEdits, object_name
 from contactlab.schema.control_loop import ControlLoopReport
-from contactlab.schema.drive import Drive, PdDrive, PolicyDrive, drive_text
+from contactlab.schema.drive import Drive, PolicyDrive, drive_text
 from contactlab.schema.examination import Fact
 from contactlab.tasks.checked_model import CheckedModel
 
@@ -45,38 +48,13 @@ def make_loop_study(checked: CheckedModel) -> LoopStudy | None:
 
 
 @printed_as_text()
-def measure_loop(checked: CheckedModel, study: LoopStudy) -> ControlLoopReport:
+def measure_loop(study: LoopStudy) -> ControlLoopReport:
     """Return the report of a loop, and whether the same PD holds as servos of the model."""
-    report, drive = study.measure_margins(), checked.scene.drive.drive
-    if not isinstance(drive, PdDrive):
+    report, servos = study.measure_margins(), list_stated_servos(study.loop)
+    if not servos:
         return report
-    servos, held = make_position_servos(study.loop, drive)
-    inside = replace(
-        study.loop,
-        model=servos,
-        policy=lambda _: lambda *seen: np.repeat(held[None], len(seen[0]), axis=0),
-        rate=1 / float(servos.opt.timestep),
-        latency=0.0,
-    )
-    return report.model_copy(update={"inside": study.holds_simulated(inside)})
-
-
-def make_position_servos(loop: ControlLoop, drive: PdDrive) -> tuple[mujoco.MjModel, Floats]:
-    """Return a model with a PD as position servos and implicitfast, and (nu,) their targets."""
-    model, motors = loop.model.__copy__(), find_motors(loop.model)
-    data = mujoco.MjData(model)
-    mujoco.mj_setState(model, data, loop.start, INTEGRATION)
-    driven = np.flatnonzero(motors.controls)
-    gears = model.actuator_gear[driven, 0]
-    model.actuator_biastype[driven] = int(mujoco.mjtBias.mjBIAS_AFFINE)
-    model.actuator_gainprm[driven, 0] = drive.kp / gears**2
-    model.actuator_biasprm[driven, 1] = -drive.kp / gears**2
-    model.actuator_biasprm[driven, 2] = -drive.kd / gears**2
-    model.actuator_ctrllimited[driven] = 0
-    model.opt.integrator = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
-    targets = np.zeros(model.nu)
-    targets[driven] = gears * data.qpos[motors.places[driven]]
-    return model, targets
+    inside = study.holds_simulated(move_inside(study.loop, servos))
+    return report.model_copy(update={"inside": inside})
 
 
 def list_loop_facts(report: ControlLoopReport | None) -> Iterator[Fact]:
@@ -87,12 +65,17 @@ def list_loop_facts(report: ControlLoopReport | None) -> Iterator[Fact]:
 
 
 class LoopRepair(NamedTuple):
-    """A change of a model with which the loop of its policy holds, or a faster drive."""
+    """A change of a model with which the loop of its policy holds, or another drive.
+
+    Attributes:
+        controller: the change of the controller, in words.
+    """
 
     name: str
     apply: str
     edits: ModelEdits
     drive: PolicyDrive | None = None
+    controller: tuple[str, ...] = ()
 
 
 def list_loop_repairs(
@@ -100,8 +83,8 @@ def list_loop_repairs(
 ) -> Iterator[LoopRepair]:
     """Yield changes with which the loop holds, also with twice its gains.
 
-    They are an implicit integrator, more armature or damping of all driven joints, and a faster
-    loop, with a step that divides its period.
+    They are an implicit integrator, more armature or damping of all driven joints, a faster
+    loop, with a step that divides its period, and a PD as position servos of the model.
     """
     loop = study.loop
     implicit = replace(loop, model=loop.model.__copy__(), gain=_MARGIN)
@@ -137,6 +120,36 @@ def list_loop_repairs(
             quicker = drive.model_copy(update={"rate": faster.rate})
             name = f"a loop at {format_frequency(faster.rate)}: --drive {drive_text(quicker)}"
             yield LoopRepair(name, "loop-rate", ModelEdits(step), quicker)
+    if report.inside and isinstance(drive, PolicyDrive):
+        yield from _list_inside_repairs(study, drive)
+
+
+def _list_inside_repairs(study: LoopStudy, drive: PolicyDrive) -> Iterator[LoopRepair]:
+    # A constant target: the policy would still want the torques of its own gains.
+    loop, servos = study.loop, list_stated_servos(study.loop)
+    inside = move_inside(loop, servos)
+    (held,) = LoopRows(inside).ask_policy()
+    stronger = [
+        one.model_copy(update={"kp": _MARGIN * one.kp, "kv": _MARGIN * one.kv}) for one in servos
+    ]
+    doubled = replace(
+        move_inside(loop, stronger),
+        policy=lambda _: lambda *seen: np.repeat(held[None], len(seen[0]), axis=0),
+    )
+    if not study.holds_simulated(doubled):
+        return
+    changes = inside.model.opt.integrator != loop.model.opt.integrator
+    edits = ModelEdits(
+        settings={"integrator": "implicitfast"} if changes else {},
+        servos=servos,
+        steered=list_steered_keys(loop.model, servos),
+    )
+    targets = drive.model_copy(update={"send": "targets"})
+    name = f"the PD as position servos of the model: --drive {drive_text(targets)}"
+    geared = any(loop.model.actuator(one.actuator).gear[0] != 1 for one in servos)
+    words = "gear * target" if geared else "the target of its joint"
+    line = f"in your own controller: send each motor {words} as its control, not a torque"
+    yield LoopRepair(name, "loop-servos", edits, targets, (line,))
 
 
 def _round_up(value: float) -> float:

@@ -58,6 +58,7 @@ class Repair(NamedTuple):
         file: main file of a model with the change, if its own files have it, and changed lines.
         rule: of lint that finds the cause; "" if none does.
         drive: of the task with the change, if that is another one.
+        controller: the change of the controller, in words.
     """
 
     stage: Stage
@@ -70,6 +71,7 @@ class Repair(NamedTuple):
     file: tuple[Path, tuple[str, ...]] | None = None
     rule: str = ""
     drive: PolicyDrive | None = None
+    controller: tuple[str, ...] = ()
 
     def repairs_fault(self, fault: FileFault) -> bool:
         """Return whether it is a repair of a fault: of its rule, or of the start it gives."""
@@ -273,14 +275,33 @@ class CauseRepairer:
 
     @printed_as_text()
     def repair_loop(
-        self, model: RepairedModel, study: LoopStudy | None, report: ControlLoopReport | None
+        self,
+        model: RepairedModel,
+        study: LoopStudy | None,
+        report: ControlLoopReport | None,
+        requested: Sequence[str],
     ) -> RepairedModel:
-        """Return the model with a change that makes the loop of its policy hold, if one helps."""
+        """Return the model with a change that makes the loop of its policy hold, if one helps.
+
+        A requested one comes first.
+        """
         if study is None or report is None or report.holds:
             return model
-        sentence = loop_sentence(report)
-        for repair in list_loop_repairs(study, report, self.original.scene.drive.drive):
-            change = Repair("numerics", sentence, *repair[:3], is_certain=True, drive=repair.drive)
+        sentence, repairs = (
+            loop_sentence(report),
+            [*list_loop_repairs(study, report, self.original.scene.drive.drive)],
+        )
+        for repair in sorted(repairs, key=lambda one: one.apply not in requested):
+            change = Repair(
+                stage="numerics",
+                sentence=sentence,
+                name=repair.name,
+                apply=repair.apply,
+                edits=repair.edits,
+                is_certain=True,
+                drive=repair.drive,
+                controller=repair.controller,
+            )
             tried = self._try_repair(model, change)
             if tried.fixes != model.fixes:
                 return tried
@@ -355,17 +376,19 @@ class CauseRepairer:
             removes=removes,
             settings={
                 **repair.edits.settings,  # pyright: ignore[reportArgumentType] - settings
-                **({"drive.rate": repair.drive.rate} if repair.drive else {}),
+                **self._list_drive_changes(repair.drive),
             },
             changed_keyframes=edits.posed,
             moved_bodies=edits.placed,
             masked_geoms=edits.masked,
             opened_geoms=edits.opened,
+            position_servos=edits.servos,
+            changed_controls=edits.steered,
             error=None,
             distance_to_reference=None,
             distance_before=None,
             time_ratio=None,
-            lines=repair.file[1] if repair.file else written.lines,
+            lines=(*(repair.file[1] if repair.file else written.lines), *repair.controller),
             verification=found,
         )
         cause = known.model_copy(
@@ -377,6 +400,14 @@ class CauseRepairer:
         )
         causes = (*model.causes, cause)
         return replace(repaired, causes=causes, fixes=(*model.fixes, fix))
+
+    def _list_drive_changes(self, drive: PolicyDrive | None) -> dict[str, str | float]:
+        own = self.original.scene.drive.drive
+        if drive is None or not isinstance(own, PolicyDrive):
+            return {}
+        known = own.model_dump()
+        changed = {key: v for key, v in drive.model_dump().items() if v != known.get(key)}
+        return {f"drive.{key}": value for key, value in changed.items()}
 
     def _choose_rows(self, model: RepairedModel) -> tuple[list[str], Settings] | None:
         # Rows of a repaired model's budget, and how it is measured: all that judge, or, if that
