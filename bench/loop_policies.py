@@ -1,13 +1,25 @@
 """Do policies succeed inside of their margins of rate and delay, and fail outside?
 
-    python -m bench.loop_policies
+    python -m bench.loop_policies                           # two policies of a pole
+    ROBOT_WHEELS=... python -m bench.loop_policies reach    # a scripted one of Meta-World
 
 A linear policy and a network with a filter balance a pole. Episodes start from 20 random tilts; one
 succeeds if the pole is upright for 20 s. Each border is tried 10 % inside and outside.
+
+Meta-World's policy reaches for 20 random goals: at 80 Hz it moves a mocap body by a hundredth of
+its action, and a weld pulls the hand. An episode of plain MuJoCo succeeds if the hand is within the
+environment's 5 cm throughout its last 2 s, which a swinging hand is not.
 """
 
+import importlib
 import math
+import os
+import sys
+from collections import deque
 from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -92,6 +104,108 @@ def check_policy(policy: type[LinearPolicy | NetworkPolicy]) -> None:
             )
 
 
+METAWORLD = "metaworld/metaworld"
+LOW, HIGH = np.array([-0.5, 0.4, 0.05]), np.array([0.5, 1.0, 0.5])  # of the mocap body [m]
+GRIPPER = (0.0, -0.0)  # effort of the policy at both fingers
+RATE = 80.0
+
+
+class Reach:
+    """Meta-World's own policy, and the environment's step from its action to the mocap body."""
+
+    goal = np.array([-0.1, 0.8, 0.2])
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        """Load the policy without the package around it, which needs Gymnasium."""
+        package = ModuleType("metaworld")
+        package.__path__ = [str(Path(os.environ["ROBOT_WHEELS"]) / METAWORLD)]
+        sys.modules.setdefault("metaworld", package)
+        module: Any = importlib.import_module("metaworld.policies.sawyer_reach_v3_policy")
+        self._script = module.SawyerReachV3Policy()
+        self._model, self._hand = model, int(model.body("hand").id)
+        self._placed: Floats | None = None
+
+    def __call__(self, *seen: Floats) -> Floats:
+        """Return (n, 5): efforts of the fingers, and the position of the mocap body."""
+        rows, data = len(seen[1]), mujoco.MjData(self._model)
+        placed = np.empty((rows, 3)) if self._placed is None else self._placed.copy()
+        for row, qpos in enumerate(seen[1]):
+            data.qpos[:] = qpos
+            mujoco.mj_kinematics(self._model, data)
+            hand = data.xpos[self._hand]
+            if self._placed is None:
+                placed[row] = hand
+            observed = np.concatenate([hand, np.zeros(33), self.goal])
+            action = np.clip(self._script.get_action(observed)[:3], -1, 1)
+            placed[row] = np.clip(placed[row] + 0.01 * action, LOW, HIGH)
+        self._placed = placed
+        return np.concatenate([np.broadcast_to(GRIPPER, (rows, 2)), placed], axis=1)
+
+
+def open_reach() -> mujoco.MjModel:
+    """Return the model of the environment, with the welds that it sets."""
+    folder = Path(os.environ["ROBOT_WHEELS"]) / METAWORLD / "assets" / "sawyer_xyz"
+    model = mujoco.MjModel.from_xml_path(str(folder / "sawyer_reach_v3.xml"))
+    welds = np.flatnonzero(model.eq_type == mujoco.mjtEq.mjEQ_WELD)
+    model.eq_data[welds, :11] = [0, 0, 0, 0, 0, 0, -1, 0, 0, 0, 5]
+    return model
+
+
+def reset_reach(model: mujoco.MjModel) -> mujoco.MjData:
+    """Return the state after the environment's reset: the hand has moved to its first place."""
+    data = mujoco.MjData(model)
+    data.mocap_pos[0], data.mocap_quat[0] = (0.0, 0.6, 0.2), (1, 0, 1, 0)
+    data.ctrl[:] = -1, 1
+    mujoco.mj_step(model, data, 250)
+    return data
+
+
+def run_episode(model: mujoco.MjModel, rate: float, delay: float, goal: Floats) -> bool:
+    """Return whether the hand comes to stay at a goal; 400 calls, or 20 s if that is longer."""
+    data, policy = reset_reach(model), Reach(model)
+    policy.goal = goal
+    period, late = round(1 / rate / model.opt.timestep), round(delay / model.opt.timestep)
+    waiting, far = deque[Floats]([np.concatenate([data.ctrl, data.mocap_pos[0]])] * late), 0.0
+    steps = round(max(400 / rate, 20.0) / model.opt.timestep)
+    for step in range(steps):
+        if step % period == 0:
+            wanted = policy(np.zeros(1), data.qpos[None], data.qvel[None])[0]
+        waiting.append(wanted)
+        control = waiting.popleft()
+        data.ctrl[:], data.mocap_pos[0] = control[:2], control[2:]
+        mujoco.mj_step(model, data)
+        if (steps - step) * model.opt.timestep <= 2:
+            far = max(far, float(np.linalg.norm(data.body("hand").xpos - goal)))
+    return far <= 0.05
+
+
+def check_reach() -> None:
+    """Print the margins of Meta-World's policy, and its successes on both sides."""
+    model = open_reach()
+    data = reset_reach(model)
+    Reach.goal = data.body("hand").xpos.copy()
+    start = np.empty(mujoco.mj_stateSize(model, INTEGRATION))
+    mujoco.mj_getState(model, data, start, INTEGRATION)
+    study = LoopStudy(ControlLoop(model, Reach, start, RATE, moves_mocap=True))
+    goals = np.random.default_rng(0).uniform((-0.1, 0.8, 0.05), (0.1, 0.9, 0.3), (20, 3))
+    for axis in study.list_axes():
+        if axis.name not in ("rate", "delay"):
+            continue
+        linear = axis.find_border(study.holds_linear, None)
+        border = axis.find_border(study.holds_simulated, linear)
+        print(f"reach: {axis.name}: border {border} {axis.unit}, linear {linear}", flush=True)
+        tried = [80.0, 10.0] if axis.name == "rate" else [0.0]
+        if border is not None:
+            tried = [share * border for share in (0.9, 1.1)]
+        for value in tried:
+            rate, delay = (value, 0.0) if axis.name == "rate" else (RATE, value)
+            good = sum(run_episode(model, rate, delay, goal) for goal in goals)
+            print(f"reach: {axis.name} {value:.4g}: {good} of 20 succeed", flush=True)
+
+
 if __name__ == "__main__":
-    check_policy(LinearPolicy)
-    check_policy(NetworkPolicy)
+    if sys.argv[1:] == ["reach"]:
+        check_reach()
+    else:
+        check_policy(LinearPolicy)
+        check_policy(NetworkPolicy)

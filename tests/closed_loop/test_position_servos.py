@@ -155,7 +155,7 @@ def test_a_damping_beyond_the_step_holds_inside() -> None:
 
 def test_targets_need_servos_and_a_class() -> None:
     motors, targets = make_loop(PD).model, send_targets(Stated)
-    with pytest.raises(ValueError, match="the model has none"):
+    with pytest.raises(SceneError, match="the model has none"):
         targets(motors)
     with pytest.raises(SceneError, match="write a class"):
         send_targets(Stated(motors).make_other)

@@ -38,6 +38,7 @@ class ControlLoop:
         rate: calls per second [Hz].
         latency: from observation to action [s].
         gain: factor on the differences between the controls of two rows.
+        moves_mocap: whether controls end with the positions of the mocap bodies.
     """
 
     model: mujoco.MjModel
@@ -46,6 +47,7 @@ class ControlLoop:
     rate: float
     latency: float = 0.0
     gain: float = 1.0
+    moves_mocap: bool = False
 
     @cached_property
     def substeps(self) -> int:
@@ -131,7 +133,8 @@ class LoopRows:
         data = mujoco.MjData(self.model)
         mujoco.mj_setState(self.model, data, loop.start, INTEGRATION)
         mujoco.mj_forward(self.model, data)
-        self.data, self.controls = [data], data.ctrl[None].copy()
+        placed = data.mocap_pos.ravel() if loop.moves_mocap else ()
+        self.data, self.controls = [data], np.concatenate([data.ctrl, placed])[None]
         self.waiting = [self.controls.copy() for _ in range(loop.delay[0])]
         own = [
             sensor
@@ -235,7 +238,9 @@ class LoopRows:
     def _make_step(self, count: int) -> None:
         if count:
             for data, control in zip(self.data, self.controls, strict=True):
-                data.ctrl[:] = control
+                data.ctrl[:] = control[: self.model.nu]
+                if self.loop.moves_mocap:
+                    data.mocap_pos[:] = control[self.model.nu :].reshape(-1, 3)
                 mujoco.mj_step(self.model, data, nstep=count)
 
     def _list_arrays(self) -> Iterator[tuple[Path, tuple[Any, Any]]]:

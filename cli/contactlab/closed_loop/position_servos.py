@@ -15,6 +15,7 @@ import numpy as np
 from contactlab.closed_loop.control_loop import ControlLoop, LoopRows
 from contactlab.closed_loop.linear_model import name_integrator
 from contactlab.engines.pd_controller import find_motors, send_targets
+from contactlab.errors import SceneError
 from contactlab.scene.model_names import find_id, name_of
 from contactlab.schema.servo import PositionServo
 
@@ -36,7 +37,7 @@ def list_stated_servos(loop: ControlLoop) -> tuple[PositionServo, ...]:
             np.broadcast_to(np.asarray(getattr(rows.policy, name), float), model.nu)
             for name in ("kp", "kd")
         ]
-    except (ValueError, TypeError, AttributeError):
+    except (SceneError, ValueError, TypeError, AttributeError):
         return ()
     if not np.isfinite(stated).all():
         return ()

@@ -251,6 +251,8 @@ class _Flight:
         """Return the failure for an error of the policy, or an error that is not its own."""
         if ends_command(error):
             return error
+        if isinstance(error, SceneError):
+            return _PolicyFailureError(str(error))
         return _PolicyFailureError(f"policy {self._name}{when}: {in_one_line(error, __file__)}")
 
     def _ask_policy(self, call: int, step: int) -> Floats:

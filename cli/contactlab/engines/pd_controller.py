@@ -31,7 +31,7 @@ class PdController:
     """
 
     def __init__(self, model: mujoco.MjModel, kp: float, kd: float) -> None:
-        """Find the motors. Raises a ValueError for a model without one."""
+        """Find the motors. Raises a SceneError for a model without one."""
         self.gains, self.kp, self.kd = find_motors(model), kp, kd
         self._starts, self._target = np.array([model.qpos0, *model.key_qpos]), np.empty(0)
 
@@ -50,14 +50,14 @@ def find_motors(model: mujoco.MjModel) -> PdGains:
     """Return the motors of slides and hinges.
 
     Raises:
-        ValueError: an actuator has feedback of its own, or no motor moves a joint.
+        SceneError: an actuator has feedback of its own, or no motor moves a joint.
     """
     joints = np.asarray(model.actuator_trnid)[:, 0]
     single = (model.actuator_trntype == _JOINT) & (model.jnt_type[joints] >= _SLIDE)
     if np.any(model.actuator_biasprm[single, 1:3]):
-        raise ValueError("a PD by gains drives motors, but actuators have feedback of their own")
+        raise SceneError("a PD by gains drives motors, but actuators have feedback of their own")
     if not single.any():
-        raise ValueError("a PD by gains drives motors of joints, but there are none")
+        raise SceneError("a PD by gains drives motors of joints, but there are none")
     used = np.where(single, joints, 0)
     scale = model.actuator_gear[:, 0] * model.actuator_gainprm[:, 0]
     controls = np.where(single & (scale != 0), 1 / np.where(scale, scale, 1.0), 0.0)
@@ -108,12 +108,14 @@ def find_servos(model: mujoco.MjModel) -> np.ndarray:
     """Return the ids of the position servos of slides and hinges.
 
     Raises:
-        ValueError: there are none.
+        SceneError: there are none.
     """
     joints = np.asarray(model.actuator_trnid)[:, 0]
     gains, biases = model.actuator_gainprm, model.actuator_biasprm
     single = (model.actuator_trntype == _JOINT) & (model.jnt_type[joints] >= _SLIDE)
     found = single & (gains[:, 0] > 0) & (biases[:, 1] == -gains[:, 0]) & (biases[:, 0] == 0)
     if not found.any():
-        raise ValueError("targets are sent to position servos, but the model has none")
+        raise SceneError(
+            "send=targets: targets are for position servos, but the model has none; leave it out"
+        )
     return np.flatnonzero(found)

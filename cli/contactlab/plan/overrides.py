@@ -84,7 +84,8 @@ def drive_option(text: str | None) -> Drive | None:
         first = error.errors(include_url=False)[0]
         where = [f"{part}:" for part in first["loc"] if not str(part).startswith("@")]
         near = did_you_mean(text or "", DRIVE_WORDS)
-        wanted = first["msg"].replace("Input should be", "write a number")
+        wanted = first["msg"].replace("Input should be '", "write '")
+        wanted = wanted.replace("Input should be", "write a number")
         said = " ".join([f"--drive {text}:", *where, wanted])
         raise SweepFileError(f"{said}{near}") from error
 
