@@ -140,7 +140,10 @@ def no_file(path: Path, kind: str, suffixes: Collection[str] = ()) -> str:
     most_nearby = 3
     endings = f"{' or '.join(suffixes)} file" if suffixes else kind
     listed = ", ".join(names[:most_nearby]) or f"no {endings}"
-    near = did_you_mean(path.name, names)
+    # Files of one kind end alike, so that their stems tell which one is close.
+    stems = {Path(name).stem: name for name in names}
+    close = difflib.get_close_matches(path.stem, stems, n=1)
+    near = f"; did you mean '{stems[close[0]]}'?" if close else ""
     return f"no {kind} {path}{near or f'; the folder {path.parent.resolve().name} has {listed}'}"
 
 

@@ -114,7 +114,7 @@ def find_sweep(name: str) -> Path:
     path = Path(name)
     if path.suffix in _OF_MODELS:
         raise SweepFileError(f"{name} is a model; write a sweep of it: `contactlab init {name}`")
-    if path.suffix not in _OF_SWEEPS and "/" not in name:
+    if path.suffix not in _OF_SWEEPS and "/" not in name and not path.is_file():
         return sweep_file(name)
     if not path.is_file():
         raise SweepFileError(no_file(path, "sweep file", _OF_SWEEPS))

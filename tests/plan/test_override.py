@@ -93,7 +93,7 @@ def test_sampling_can_be_set(read: Reader) -> None:
         ("timestp=1", "unknown-axis", "timestp"),
         ("seedz=1", "unknown-axis", "seedz"),
         ("timestep=1e-3,-2", "bad-value", "-2"),
-        ("timestep=1e-3, nan", "bad-value", "nan"),
+        ("timestep=1e-3, nan", "not-finite", "nan"),
         ("timestep=linspce(1,2,3)", "unknown-key", "linspce"),
         ("timestep=linspace(1,2)", "wrong-length", "(1,2)"),
         ("timestep=linspace(1,2,x)", "wrong-type", "x"),

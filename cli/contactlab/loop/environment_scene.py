@@ -20,7 +20,7 @@ from contactlab.accuracy.reference import PlannedModel
 from contactlab.engines import PreparedRuns, Rollout
 from contactlab.engines.closed_loop import load_code, load_policy
 from contactlab.engines.engine import PolicyClass
-from contactlab.errors import SceneError, SweepFileError, in_one_line, install_command
+from contactlab.errors import SceneError, SweepFileError, in_one_line, install_command, no_file
 from contactlab.foreign_code import ends_command, limited_code
 from contactlab.loop.player import Player
 from contactlab.loop.recording import lacking_checks
@@ -63,11 +63,16 @@ class Environment:
 
         Raises a SceneError if its code is not allowed, fails, or does not step MuJoCo.
         """
+        if self.name.endswith(_CODE_SUFFIX[:-1]):
+            raise SceneError(f"environment {self.name}: write {self.name}:FACTORY, its function")
+        for file in self.files:
+            if not file.is_file():
+                raise SceneError(f"environment {self.name}: {no_file(file, 'file', {'.py'})}")
         if not allowed:
             raise SceneError(
-                f"environment {self.name} is Python code, which runs only in a sweep that allows "
-                "it: `contactlab sweep FILE --allow-code`, or allow_code=True in Python; studies, "
-                "such as tradeoff and tune, need steps of MuJoCo's own"
+                f"environment {self.name} is Python code, which runs only if you allow it: add "
+                "--allow-code to `success` or `sweep`, or allow_code=True in Python; other "
+                "commands take models that MuJoCo alone steps"
             )
         if given_manifest and (
             fixed := [option for option in _FIXED_OPTIONS if getattr(given_manifest, option)]
@@ -128,8 +133,6 @@ class Environment:
                     f"{install_command('gymnasium')}, or write FILE.py:FACTORY"
                 ) from error
             return lambda: gymnasium.make(self.name)
-        if not self.files[0].is_file():
-            raise SceneError(f"environment {self.name}: there is no file {self.files[0]}")
         return load_code("environment", self.files[0], self.name.rpartition(_CODE_SUFFIX)[2])
 
     def refusal(self, run: RunSpec) -> str | None:

@@ -37,6 +37,7 @@ from contactlab.measure.context import (
 )
 from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Threshold, label, metric
 from contactlab.measure.stick_slip import HELD_USAGE, IMPACT, Spans, find_spans, mode_changes
+from contactlab.rendering.amounts import format_amount
 
 _CREEP_SPEED = Threshold("creep_speed", None, "m/s", "Set it if sticking bodies should stay.")
 RATE = Threshold(
@@ -189,7 +190,8 @@ def creep(runs: MeasuredRuns) -> OnsetIterator:
     """A sticking pair slips faster than the scene accepts; or far for its size, if none is set."""
     for run, speed, limit in runs.over("creep_speed"):
         name = name_of_worst(runs.context, _creep_speeds(runs.context), run)
-        reason = f"{name} sticks, but slips at {speed:.3g} m/s (limit {limit:g} m/s)"
+        slips, most = format_amount(speed, "mm/s"), format_amount(limit, "mm/s")
+        reason = f"{name} sticks, but slips at {slips} (limit {most})"
         bodies = bodies_beyond(runs.context, _creep_speeds(runs.context), run, limit)
         yield run, Onset(reason, runs.context.last_fifth.start, bodies)
     judged = not _SCENE_THRESHOLDS.isdisjoint(runs.context.setup.thresholds)

@@ -36,6 +36,7 @@ from contactlab.measure.context import (
 from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Threshold, label, metric
 from contactlab.measure.friction import hold_switch_masks
 from contactlab.measure.penetration import mean_depths
+from contactlab.rendering.amounts import format_amount
 
 _EXPLOITED = Threshold(
     "exploited",
@@ -181,15 +182,16 @@ def slipping(runs: MeasuredRuns) -> OnsetIterator:
         yield run, Onset(reason, first_step(window[run]))
     for run, offset, limit in runs.over("hold_offset"):
         assert held is not None
-        reason = f"it was {offset:.3g} m from its place in the grip in the hold time"
+        reason = f"it was {format_amount(offset, 'mm')} from its place in the grip in the hold time"
         step = first_step(_hold_offsets(held)[run] > limit)
-        yield run, Onset(f"{reason} (limit {limit:g} m)", step)
+        yield run, Onset(f"{reason} (limit {format_amount(limit, 'mm')})", step)
     reaches = runs.context.setup.reaches[runs.context.pairs.places]
     limits = _row_limits(runs, _HOLD_SLIP.name, runs.limits[TOLERANCE.name] * reaches)
     for run, row, slip in _amounts_beyond(_hold_slips(runs.context), limits):
         name, bodies = _name_and_bodies(runs.context, row)
-        reason = f"{name} slipped {slip:.3g} m in {seconds[run]:.3g} s"
-        yield run, Onset(f"{reason} (limit {limits[row]:.3g} m)", first_step(window[run]), bodies)
+        way, most = format_amount(slip, "mm"), format_amount(limits[row], "mm")
+        reason = f"{name} slipped {way} in {seconds[run]:.3g} s (limit {most})"
+        yield run, Onset(reason, first_step(window[run]), bodies)
 
 
 def _find_deep_pairs(runs: MeasuredRuns, threshold: str, parts: int) -> OnsetIterator:
@@ -199,7 +201,8 @@ def _find_deep_pairs(runs: MeasuredRuns, threshold: str, parts: int) -> OnsetIte
     for run, row, depth in _amounts_beyond(mean_depths(context, inside), limits):
         name, bodies = _name_and_bodies(context, row)
         step = first_step((contact_depths(context)[1][row, run] > limits[row]) & inside[run])
-        reason = f"{name} is {depth:.3g} m deep on average (limit {limits[row]:.3g} m)"
+        deep, most = format_amount(depth, "mm"), format_amount(limits[row], "mm")
+        reason = f"{name} is {deep} deep on average (limit {most})"
         yield run, Onset(reason, step, bodies)
 
 

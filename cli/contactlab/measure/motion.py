@@ -31,6 +31,7 @@ from contactlab.measure.context import (
     worst_body,
 )
 from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Threshold, label, metric
+from contactlab.rendering.amounts import format_amount
 
 _DRIFT = Threshold("drift", None, "m", "Set it if bodies should stay.")
 _REST_SPEED = Threshold("rest_speed", None, "m/s", "Set it if bodies should come to rest.")
@@ -255,7 +256,8 @@ def asleep_unsupported(runs: MeasuredRuns) -> OnsetIterator:
     for run in runs_where((sleeper[:, 1] > limit) & (sleeper[:, 0] > hair)):
         gone, share, place, step = sleeper[run]
         joint = setup.mechanism.joints[int(place)]
-        motion = f"{joint.name} sleeps, but awake would have moved on by {gone:.3g} m"
+        way = format_amount(gone, "mm")
+        motion = f"{joint.name} sleeps, but awake would have moved on by {way}"
         reason = f"{motion}, {share:.3g} of its path (limit {limit:g})"
         yield run, Onset(reason, int(step), joint.bodies)
 
@@ -276,7 +278,8 @@ def drifting(runs: MeasuredRuns) -> OnsetIterator:
         below, paths = down(runs.context)[run], [place[run] - place[run, 0] for place in places]
         away = [np.sqrt(_squared_across(path, below)) > limit for path in paths]
         names = _names_where(runs.context, [path[-1:] for path in away])
-        reason = f"{_first_name(names)} ended {moved:.3g} m away from its start (limit {limit:g} m)"
+        way, most = format_amount(moved, "mm"), format_amount(limit, "mm")
+        reason = f"{_first_name(names)} ended {way} away from its start (limit {most})"
         yield run, Onset(reason, _first_step_of(away) - 1, names)
 
 
@@ -294,9 +297,8 @@ def unsettled(runs: MeasuredRuns) -> OnsetIterator:
     for run, speed, limit in runs.over("rest_speed"):
         fast = squares[:, run, start + 1 :] > limit**2
         names = _names_where(runs.context, [*fast])
-        reason = (
-            f"{_first_name(names)} moved at {speed:.3g} m/s in the last fifth (limit {limit:g} m/s)"
-        )
+        pace, most = format_amount(speed, "mm/s"), format_amount(limit, "mm/s")
+        reason = f"{_first_name(names)} moved at {pace} in the last fifth (limit {most})"
         yield run, Onset(reason, start + _first_step_of([*fast]), names)
 
 

@@ -293,7 +293,8 @@ def deep_penetration(runs: MeasuredRuns) -> OnsetIterator:
         for run in runs_where(deep[row] & lasts & ~_always_overlaps(context, row)):
             name = context.pairs.names[places[row]] if places else "the model"
             limit = accepted[row, run]
-            reason = f"{name} rests {steady[row, run]:.3g} m deep (limit {limit:.3g} m)"
+            deep, most = format_amount(steady[row, run], "mm"), format_amount(limit, "mm")
+            reason = f"{name} rests {deep} deep (limit {most})"
             step = context.last_fifth.start + first_step(depth[run] > limit)
             yield run, Onset(reason, step, bodies_of_pair(context, places[row]) if places else ())
 
@@ -320,7 +321,7 @@ def _iterate_deep_spans(context: Context, given: float | None) -> Iterator[_Deep
         if place in guarded or (depth.max(initial=0) <= limit):
             continue
         where = "" if given else "its middle, "
-        where = f"{where}{limit:.3g} m{'' if given else ' from the surface'}"
+        where = f"{where}{format_amount(limit, 'mm')}{'' if given else ' from the surface'}"
         deep = find_spans(depth > limit)
         for run, start, stop in np.transpose((deep.run, deep.start, deep.stop)).tolist():
             name = context.pairs.names[place]

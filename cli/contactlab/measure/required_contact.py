@@ -14,6 +14,7 @@ from contactlab.measure.coverage import TURNING
 from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Threshold, label
 from contactlab.measure.stick_slip import find_spans
 from contactlab.numerical_tolerance import COARSE_ROUNDING
+from contactlab.rendering.amounts import format_amount
 
 _REQUIRED_VERBS = {"sticks": "stick", "slides": "slide", "rolls": "roll"}
 MODE_HOLD = Threshold(
@@ -222,7 +223,8 @@ def _find_wrong_modes(stretch: _RequiredStretch, met: int) -> Faults:
     for name, row in stretch.pairs:
         where = long_stretches(stretch.in_mode(row, met), stretch.width)
         if where.any():
-            slides = f"slides, at up to {slips[row, stretch.run, where].max():.3g} m/s"
+            fastest = format_amount(slips[row, stretch.run, where].max(), "mm/s")
+            slides = f"slides, at up to {fastest}"
             does = slides if met == SLIDE else "sticks"
             verb = _REQUIRED_VERBS[stretch.expected.word]
             yield f"{name} should {verb} {when}".rstrip(), does, where
@@ -251,8 +253,9 @@ def _find_mismatches(stretch: _RequiredStretch) -> Faults:
         elif word == "shallow":
             depth = stretch.depth(row)
             if (deep := depth > expected.depth).any():
-                met = f"is up to {depth[deep].max():.3g} m deep"
-                yield f"{name} should be at most {expected.depth:.3g} m deep", met, deep
+                met = f"is up to {format_amount(depth[deep].max(), 'mm')} deep"
+                most = format_amount(expected.depth, "mm")
+                yield f"{name} should be at most {most} deep", met, deep
     if word != "presses":
         return
     mean = stretch.mean_force

@@ -8,6 +8,7 @@ from contactlab.measure.amounts import readable_fraction
 from contactlab.measure.backward_error import TOLERANCE, resolved_runs
 from contactlab.measure.context import Context, cached, count, first_step, runs_where, share
 from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Threshold, label, metric
+from contactlab.rendering.amounts import format_amount
 from contactlab.schema.comparison import MetricRule
 
 _DISTANCE_THRESHOLD = Threshold(
@@ -279,5 +280,6 @@ def _find_distance_errors(runs: MeasuredRuns, amounts: Floats, fault: str) -> On
     checks = runs.context.checks
     for run in runs_where(amounts.max(axis=1) > limit):
         first = first_step(amounts[run] > limit)
-        reason = f"{fault}, by {amounts[run].max():.3g} m (limit {limit:g} m)"
+        largest, most = format_amount(amounts[run].max(), "mm"), format_amount(limit, "mm")
+        reason = f"{fault}, by {largest} (limit {most})"
         yield run, Onset(reason, int(checks.geometry_steps[first]) if checks else 0)

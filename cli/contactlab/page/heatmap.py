@@ -101,9 +101,11 @@ def metric_map(data: ReportData, name: str) -> Spec | None:
 def label_rows(counts: NDArray[np.int64], labels: RunLabels) -> tuple[Rows, Rows]:
     """Return the pieces of each cell, as wide as their fraction of runs, and their letters.
 
-    They are of `counts` (rows, columns, labels).
+    They are of `counts` (rows, columns, labels). In print, the letters tell colors apart: the most
+    frequent failure of a cell has one, and others that are wide enough.
     """
     main = most_frequent_failure(counts, labels)
+    least_share = 0.25 if counts.shape[1] <= _LOOK.most_texts else 1.0  # of a cell, for a letter
     pieces: Rows = []
     letters: Rows = []
     for y, x in np.argwhere(counts.any(axis=-1)).tolist():
@@ -111,7 +113,7 @@ def label_rows(counts: NDArray[np.int64], labels: RunLabels) -> tuple[Rows, Rows
         for code in np.flatnonzero(counts[y, x]).tolist():
             start, stop = ends[code : code + 2].tolist()
             pieces.append(_cell_piece(x, y, start, stop) | {"label": labels.legend[code]})
-            if code == main[y, x]:
+            if code == main[y, x] or (labels.letters[code] and stop - start >= least_share):
                 place = x + _clip_value((start + stop) / 2, (_LOOK.edge, 1 - _LOOK.edge))
                 letters.append({"x": place, "y": y + 0.5, "text": labels.letters[code]})
     return pieces, letters
@@ -173,6 +175,8 @@ def label_map(
         for y, x in np.argwhere(inferred != NOT_INFERRED).tolist():
             label = labels.legend[inferred[y, x]]
             inferred_pieces.append(_cell_piece(x, y, 0, 1) | {"label": label})
+            letter = labels.letters[inferred[y, x]]
+            letters += [{"x": x + 0.5, "y": y + 0.5, "text": letter}] if letter else []
     rows = _MapRows(pieces, letters, boundary or [], inferred_pieces)
     return _layer_map(axes, room, rows, colour, 13)
 

@@ -32,12 +32,13 @@ def success_page(report: SuccessReport, store: Store) -> str:
 def _find_moment(report: SuccessReport) -> Moment | None:
     body = report.objects[0] if report.objects else ""
     if parting := report.parting:
-        words = f"left as written, right {parting.variant}: they part at {parting.time:.2f} s"
+        words = f"left as written, a success that is not physical; right {parting.variant}, where "
+        words += f"it is lost: they part at {parting.time:.2f} s"
         written, variant = parting.runs
         return Moment(written, body, parting.time, parting.time, words, variant)
     failing = [loss for loss in report.losses if loss.kind == "contact" and loss.time is not None]
     for loss in failing[:1]:
         assert loss.time is not None
-        words = f"{loss.cause} at {loss.time:.2f} s"
+        words = f"a success that is not physical: {loss.cause} at {loss.time:.2f} s"
         return Moment(loss.run, body, loss.time, loss.time, words)
     return None

@@ -13,6 +13,7 @@ MISTAKES: Mapping[str, str] = {
     "bad-value": "An axis or a key does not take this value. The message says which ones it takes.",
     "bounds-empty": "Bounds of a metric say nothing. Write {min: 0} or {max: 1mm}, or both.",
     "bounds-order": "Bounds of a metric have a min above their max. Exchange them.",
+    "drive-file": "The drive of the sweep cannot be used. The message says which file is missing.",
     "drive-form": "This is not a drive. Write auto, none, hold, exercise, or noise, file, policy.",
     "duplicate-key": "A key is given twice in one mapping. Leave one out.",
     "effects": "`effects` takes auto, all, or names of effects with true or false.",

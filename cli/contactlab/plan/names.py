@@ -12,6 +12,7 @@ from contactlab.plan.rows import SweepContext
 from contactlab.plan.yaml_document import Document, KeyPath
 from contactlab.schema.evidence import ERRORS
 from contactlab.schema.sweep_schema import Condition, Sweep
+from contactlab.schema.vocabulary import DROP_HEIGHT
 
 _LIST_COMMANDS = {
     "metric": "list metrics",
@@ -20,7 +21,14 @@ _LIST_COMMANDS = {
     "axis": "list axes SCENE",
     "effect": "list axes SCENE",
 }
-_KEYFRAME = "keyframe"
+# Axes that only some models have: the reason and the remedy for others.
+_ABSENT_AXES = {
+    "keyframe": ("the model has no keyframes", "leave it out: runs start at qpos0"),
+    DROP_HEIGHT: (
+        "no body of the model is free to drop",
+        "write a joint's name: {joint: [0, 0.1]}",
+    ),
+}
 
 
 def check_names(context: SweepContext) -> None:
@@ -74,9 +82,8 @@ def check_axis(context: SweepContext, name: str, place: Place, kind: str = "axis
         keys = () if place.source.numbered else Sweep.model_fields
         offered = (*context.vocabulary.axes, *keys, *context.vocabulary.coordinates)
         known = ["seeds"] if name == "seed" else [*offered]
-        if name == _KEYFRAME:
-            message, hint = "the model has no keyframes", "leave it out: runs start at qpos0"
-            context.document.add_mistake(f"unknown-{kind}", place, message, hint)
+        if name in _ABSENT_AXES:
+            context.document.add_mistake(f"unknown-{kind}", place, *_ABSENT_AXES[name])
             return
         if name.endswith(".ctrl"):
             message, hint = f"unknown {kind} '{name}'", "controls belong to `drive` or a keyframe"
@@ -106,6 +113,15 @@ def add_not_swept(context: SweepContext, name: str, place: Place, swept: Collect
     context.document.add_mistake(
         "axis-not-swept", place, f"'{name}' is not an axis of this sweep", hint
     )
+
+
+def check_drive(context: SweepContext) -> None:
+    """Add a mistake for a drive of the sweep that cannot be used, such as a missing file."""
+    document, drive, check = context.document, context.sweep.drive, context.vocabulary
+    if drive and check.mistake_in_drive and (mistake := check.mistake_in_drive(drive)):
+        keys = [key for key in ("policy", "file") if key in document.mapping_at("drive")]
+        hint = "relative paths start at the sweep file" * ("no file" in mistake)
+        document.add_mistake("drive-file", ("drive", *keys), mistake, hint)
 
 
 def _check_requirement(context: SweepContext, text: str, path: KeyPath) -> None:

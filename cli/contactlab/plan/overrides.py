@@ -83,9 +83,15 @@ def drive_option(text: str | None) -> Drive | None:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = [f"{part}:" for part in first["loc"] if not str(part).startswith("@")]
-        near = did_you_mean(text or "", DRIVE_WORDS)
+        # A word that begins one of the forms is not a misspelled word.
+        near = "" if text in {"noise", "kp"} else did_you_mean(text or "", DRIVE_WORDS)
         wanted = first["msg"].replace("Input should be '", "write '")
         wanted = wanted.replace("Input should be", "write a number")
+        if first["type"] == "drive_form":
+            wanted = (
+                f"write {', '.join(DRIVE_WORDS)}, noise=0.3,rate=10, kp=400,kd=10,rate=500, "
+                "FILE.csv or FILE.py:CLASS"
+            )
         said = " ".join([f"--drive {text}:", *where, wanted])
         raise SweepFileError(f"{said}{near}") from error
 

@@ -8,6 +8,7 @@ runs of two machines can be paired.
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
@@ -63,9 +64,11 @@ class SweepContext(Draft):
         spec = self.find_axis(name)
         if spec is None:
             return UNREADABLE
-        if isinstance(value, float) and not math.isfinite(value):
-            self.document.add_mistake("not-finite", place, f"'{name}' must be finite")
-            return UNREADABLE
+        with suppress(ValueError):  # a word that is no number may still be a value
+            if isinstance(value, float | str) and not math.isfinite(float(value)):
+                hint = "write a finite number"
+                self.document.add_mistake("not-finite", place, f"'{name}' must be finite", hint)
+                return UNREADABLE
         measured = without_unit(value, spec.unit)
         try:
             return spec.parse(value if measured is None else measured)
@@ -314,7 +317,10 @@ def _zip_block(context: SweepContext, path: KeyPath, axes: Mapping[str, Axis]) -
         counts[name] = len(listed_values(axis, _known_values(context, name)))
         first = next(iter(counts))
         if counts[name] != counts[first]:
-            message = f"'{name}' has {counts[name]} values, but '{first}' has {counts[first]}"
+            one, other = counts[name], counts[first]
+            message = (
+                f"'{name}' has {one} value{'' if one == 1 else 's'}, but '{first}' has {other}"
+            )
             document.add_mistake("zip-length", (*path, name), message, "give each as many values")
     return Block(tuple(columns), tuple(zip(*columns.values(), strict=False)))
 

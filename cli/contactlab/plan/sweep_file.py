@@ -16,7 +16,7 @@ from contactlab.plan.diagnostics import Diagnostic, Place, SourceText, SweepMist
 from contactlab.plan.grid import MOST_RUNS, Grid, Plan, SweptAxis
 from contactlab.plan.included_rows import read_rows
 from contactlab.plan.kept_traces import with_default_traces
-from contactlab.plan.names import check_names, read_condition
+from contactlab.plan.names import check_drive, check_names, read_condition
 from contactlab.plan.overrides import Filter, Overrides, apply_settings, check_values, read_filters
 from contactlab.plan.refined_axes import check_refine, write_out_refined
 from contactlab.plan.rows import SweepContext, read_blocks, write_out_units
@@ -114,6 +114,7 @@ def _check_draft(
         first, _, rest = str(error).partition("\n")
         document.add_mistake("unknown-scene", ("scene",), first, rest.replace("\n", "; "))
         return None
+    check_drive(context)
     check_names(context)
     check_refine(context)
     check_until(context)

@@ -183,7 +183,7 @@ def _add_value(document: Document, detail: ErrorDetails, path: KeyPath) -> None:
         hint = suggestion(given, DRIVE_WORDS) or "write one of these"
     key = _innermost_key(path)
     name = f"'{key}' " if key else ""
-    hint = hint or _KEY_EXAMPLES.get(key, "")
+    hint = hint or _KEY_EXAMPLES.get(key, "write a finite number" * (kind == "finite_number"))
     bound = re.search(r"(greater|less) than (or equal to )?([-+.\de]+)$", wording)
     if bound and not hint:
         side = "above" if bound[1] == "greater" else "below"

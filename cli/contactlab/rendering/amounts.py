@@ -15,9 +15,9 @@ def format_amount(
         value: in SI units; of a share or a ratio, 0.5 is a half. None is unknown.
         unit: `%` for a share, `x` for a ratio of times, `count` for a whole number with its
             thousands, `N` with a prefix as needed, `B` for a size in MB or GB, `long` for a time
-            in s, min, h or days, `mm` for a length in mm or, from 1 m on, in m, `mm/s`, `ms` or
-            `us` for small SI numbers;
-            any other unit is written after the number, and "" and "1" are not.
+            in s, min, h or days, `mm` or `mm/s` for a length or speed that is in m or m/s from
+            1 on, `ms` or `us` for small SI numbers; any other unit is written after the number,
+            and "" and "1" are not.
         digits: significant digits; 2 of shares and forces, 3 of other numbers. Digits before the
             point are never lost below 1e5.
         signed: whether positive numbers have a sign.
@@ -43,8 +43,8 @@ def format_amount(
             text = _format_long_time(value)
         case "" | "1":
             text = format_digits(value, digits or 3)
-        case "mm" if abs(value) >= 1:
-            text = f"{format_digits(value, digits or 3)} m"
+        case "mm" | "mm/s" if abs(value) >= 1:
+            text = f"{format_digits(value, digits or 3)} {unit[1:]}"
         case _:
             text = f"{format_digits(_SCALED.get(unit, 1.0) * value, digits or 3)} {unit}"
     return f"+{text}" if signed and value > 0 else text

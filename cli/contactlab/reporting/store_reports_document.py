@@ -69,8 +69,9 @@ def _forecast_facts(report: SweepForecast) -> Iterator[tuple[str, str]]:
     least, most = report.bytes
     least_bytes = 1e5  # smaller files do not matter
     is_large = report.scene_bytes >= least_bytes
-    scene = f", {format_amount(report.scene_bytes, 'B')} of the scene's files" if is_large else ""
-    yield "disk", f"{_range_text((part * least, most), 'B')} of traces{scene}"
+    parts = [f"{_range_text((part * least, most), 'B')} of traces"] if most else []
+    parts += [f"{format_amount(report.scene_bytes, 'B')} of the scene's files"] if is_large else []
+    yield "disk", ", ".join([*parts, f"{format_amount(report.table_bytes, 'B')} of its table"])
     for form, size in report.bytes_by_format.items():
         if form != report.trace_format and size[1]:
             yield "", f"{_range_text(size, 'B')} with trace_format: {form}"

@@ -83,13 +83,11 @@ def forecast_sweep(request: SweepRequest) -> SweepForecast:
     sizes = dict[str, tuple[float, float]]()
     if cost:
         recording = cost.cpu_seconds * sums.steps / _used_cores(workers, len(index))
-        # From the start of the command to the first job, and from the last one to the finished
-        # store.
-        start_seconds = 0.5
-        total = start_seconds + recording + accuracy
+        # CPU time to load the command, plan, and finish a store of few runs: 1.9 to 2.2 s measured.
+        start_seconds = 2.0
+        total = start_seconds + cost.first_seconds + recording + accuracy
         certain = 0.0 if sweep.timing and sweep.timing.contenders else timing
-        # Sampled runs and busy machines: of eight shipped sweeps, six took between 0.77 and 1.7
-        # times the estimate in CPU time. Shorter ones, mostly imports, took up to 2.8 times.
+        # Sampled runs and busy machines: `bench.forecasts` measures the ratio.
         time_factor = 1.5
         seconds = (total + certain) / time_factor, (total + timing) * time_factor
         fewest, all_kept = KeptTraces.read_rule(sweep.trace).share_bounds(len(index))
@@ -127,6 +125,8 @@ def forecast_sweep(request: SweepRequest) -> SweepForecast:
         memory_bytes=memory,
         bytes=sizes.get(sweep.trace_format, (0.0, 0.0)) if cost else None,
         scene_bytes=scene.source.content.count_bytes(),
+        # Descriptions of 150 columns, and compressed rows: 50 stores had 181 to 326 kB.
+        table_bytes=200_000 + 400 * len(index),
         bytes_by_format=sizes,
         trace=sweep.trace,
         trace_format=sweep.trace_format,

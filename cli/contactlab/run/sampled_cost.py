@@ -26,11 +26,13 @@ class SampledCost:
         cpu_seconds: of a step.
         trace_bytes: of a step, by `trace_format`.
         checks_share: of the time that checks take.
+        first_seconds: of a worker's first run, to compile its model and load its modules.
     """
 
     cpu_seconds: float
     trace_bytes: dict[str, float]
     checks_share: float = 0.0
+    first_seconds: float = 0.0
 
 
 def sample_cost(request: SweepRequest, index: RunIndex, runs: Sequence[RunSpec]) -> SampledCost:
@@ -43,7 +45,8 @@ def sample_cost(request: SweepRequest, index: RunIndex, runs: Sequence[RunSpec])
     with TemporaryDirectory() as folder:
         worker = _open_worker(request, index, Path(folder) / "own")
         warm_up_steps = 100  # compile the model, and load everything that a first run needs
-        _record_jobs(worker, request, _shorten_runs([runs[0]], warm_up_steps))
+        warm_up = _shorten_runs([runs[0]], warm_up_steps)
+        ((first_seconds, _),) = _record_jobs(worker, request, warm_up)
         trial_steps = 500  # of one run, to find how many steps can be sampled
         trial = _shorten_runs([runs[0]], trial_steps)
         ((seconds, steps),) = _record_jobs(worker, request, trial)
@@ -72,7 +75,7 @@ def sample_cost(request: SweepRequest, index: RunIndex, runs: Sequence[RunSpec])
                 _record_jobs(_open_unchecked(request, index, store, changes), request, few)
                 size = sum(file.stat().st_size for file in (store / TRACES).rglob("*.mcap"))
                 forms[form] = size / sum(run.steps for run in few)
-    return SampledCost(seconds / steps, forms, share)
+    return SampledCost(seconds / steps, forms, share, first_seconds)
 
 
 def _shorten_runs(runs: Sequence[RunSpec], most_steps: int) -> list[RunSpec]:

@@ -164,13 +164,19 @@ class SceneLoader:
             self._opened[reference] = scene
         return self._opened[reference]
 
+    def _open_driven(self, reference: str, drive: Drive) -> Scene:
+        key = f"{reference} {drive!r}"
+        if key not in self._driven:
+            self._driven[key] = self._open_undriven(reference).with_drive(
+                drive, self.folder or Path(), named_by_user=self.written_here
+            )
+        return self._driven[key]
+
     def for_sweep(self, read: SweepFile) -> tuple[Scene, Plan]:
         """Return the scene of a sweep, and the sweep's plan with the hash of its drive."""
         sweep = read.sweep
         if sweep.drive is not None and self.drive is None:
-            scene = self._open_undriven(sweep.scene).with_drive(
-                sweep.drive, self.folder or Path(), named_by_user=self.written_here
-            )
+            scene = self._open_driven(sweep.scene, sweep.drive)
         else:
             scene = self.open(sweep.scene)
         # The manifest's drive is already in the scene's own copy.
@@ -194,6 +200,13 @@ class SceneLoader:
             most = duration or self.open(reference).duration
             return mistake_in_requirement(text, scene.base({}), scene.source.manifest, most)
 
+        def unusable(drive: Drive) -> str | None:
+            try:
+                _ = self.drive or self._open_driven(reference, drive)
+            except SceneError as error:
+                return str(error).removeprefix("drive: ")
+            return None
+
         manifest = scene.source.manifest
         return Vocabulary(
             scene.catalogue.names,
@@ -207,6 +220,7 @@ class SceneLoader:
             else dict.fromkeys(_ORACLE_METRICS, _NO_ORACLE),
             asks=bool(manifest and manifest.must),
             mistake_in_requirement=broken,
+            mistake_in_drive=unusable,
             coordinates=[name for name in scene.catalogue.coordinate_names if name not in taken],
         )
 

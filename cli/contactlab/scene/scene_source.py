@@ -158,6 +158,8 @@ def find_scene(
         raise SceneError(f"{path} has no {MANIFEST}; name {named}")
     if "/" in reference or (path / MANIFEST).is_file():
         return _scene_of_folder(path, path.resolve().name, allow_code=allow_code)
+    if path.suffix and not path.exists():
+        raise SceneError(no_file(path, "model file", MODEL_SUFFIXES))
     return _scene_of_folder(resources.scene_folder(reference), reference)
 
 

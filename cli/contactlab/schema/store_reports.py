@@ -45,6 +45,7 @@ class SweepForecast(ReportModel):
         "Size of the traces, least and most; 0 without traces."
     )
     scene_bytes: int = about("Size of the scene's files, which the store copies.", default=0)
+    table_bytes: int = about("Size of the table of all runs.", default=0)
     bytes_by_format: dict[str, tuple[float, float]] = about("The same for every `trace_format`.")
     trace: str = about("The rule that chooses the runs that keep a trace.")
     trace_format: str

@@ -347,7 +347,10 @@ class RunPictures:
     def _draw_frames(self, frames: Sequence[int]) -> Iterator[Picture]:
         record, model, motion = self.replay.record, self.replay.prepared.model, self.motion
         chosen = {frame: self.qpos[frame] for frame in frames}
-        run = f"{record.scene} {record.run_id[:8]}: {record.label}"
+        outcomes = [] if record.success is None else ["success" if record.success else "no success"]
+        # An episode's success says more than `stable`, but a failed contact is told with it.
+        outcomes += [] if outcomes and record.label == "stable" else [record.label]
+        run = f"{record.scene} {record.run_id[:8]}: {', '.join(outcomes)}"
         bar = None
         if len(motion.forces.frame) and self.camera is None:
             bar = force_bar(model, motion.view(0), self.size, motion.scale)

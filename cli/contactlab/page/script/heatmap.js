@@ -113,17 +113,23 @@ function labelLayers(panel) {
   const cells = [];
   const texts = [];
   const inferred = [];
+  // As label_rows in heatmap.py.
+  const leastShare = panel.across <= 12 ? 0.25 : 1;
   panel.cells.forEach(({ counts, size }, place) => {
     const [x, y] = [place % panel.across, Math.floor(place / panel.across)];
     const label = size ? -1 : panel.inferred(x, y);
-    if (label >= 0) inferred.push({ ...piece(x, y, 0, 1), label: metadata.labels.legend[label] });
+    if (label >= 0) {
+      inferred.push({ ...piece(x, y, 0, 1), label: metadata.labels.legend[label] });
+      if (metadata.labels.letters[label]) texts.push({ x: x + 0.5, y: y + 0.5, text: metadata.labels.letters[label] });
+    }
     const main = mainFailure(counts);
     let before = 0;
     counts.forEach((count, code) => {
       if (!count) return;
       const [start, stop] = [before / size, (before + count) / size];
       cells.push({ ...piece(x, y, start, stop), label: metadata.labels.legend[code] });
-      if (code === main) texts.push({ x: x + onPiece(start, stop), y: y + 0.5, text: metadata.labels.letters[main] });
+      const letter = metadata.labels.letters[code];
+      if (code === main || (letter && stop - start >= leastShare)) texts.push({ x: x + onPiece(start, stop), y: y + 0.5, text: letter });
       before += count;
     });
   });

@@ -149,7 +149,7 @@ function showTimeline(series, row) {
     const events = plot.events.map((each) => `${each.label} from ${number(each.time)} s`).join(", ");
     reading.textContent = events ? `Dashed: ${events}.` : "";
     const idle = plot.idle ? `${plot.idle} other ${plot.idle === 1 ? "pair never touches" : "pairs never touch"}.` : "";
-    const legend = metadata.modes.slice(1).flatMap(([name, colour]) => [element("i", { style: `background:${colour}` }), `${name} `]);
+    const legend = metadata.modes.slice(1).flatMap(([name, colour]) => [element("i", { style: `background:${colour}` }), `${name}\u2003`]);
     box.replaceChildren(...[
       plot.picture, reading,
       data.touching.length ? element("p", { class: "caption modes" }, ...legend, idle) : null,
