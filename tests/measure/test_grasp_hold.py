@@ -170,7 +170,7 @@ def test_offset_is_from_the_start_of_the_run(trace_of: Make, setup_of: Make) -> 
     (label,) = assess_runs(trace, limited).labels[0]
     assert label.label == "slipping"
     assert label.step == 10
-    assert "0.05 m" in label.reason
+    assert "50 mm" in label.reason
     assert assess_runs(trace, setup).labels[0][0].label == "stable"
 
 

@@ -148,7 +148,8 @@ def compare(
         from contactlab.studies.diff.compare_models import summarize_changes
 
         changes, quantities = summarize_changes(*map(str, stores))
-        added: dict[str, object] = {"model_changes": tuple(changes)}
+        no_change = ("only the text of its files, or the order of equal elements",)
+        added: dict[str, object] = {"model_changes": tuple(changes) or no_change}
         if report.pairs.bitwise_equal == report.pairs.paired > 0 and changes:
             axes = Store.unchecked(stores[1]).columns.axis_names
             added["headline"] = f"{report.headline}; {explain_no_effect(axes, quantities)}"

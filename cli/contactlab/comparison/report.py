@@ -37,7 +37,7 @@ def explain_no_effect(axes: Iterable[str], quantities: Collection[str]) -> str:
     if not hiding:
         why = "no run uses a changed value"
         if "friction" in quantities:
-            why += " (a contact has the larger friction of its two geoms)"
+            why += ": the geoms touch nothing, or the other geom of each contact has more friction"
         return f"the change of the model acts in no run, because {why}"
     hidden = ", ".join(dict.fromkeys(map(attribute_of, hiding)))
     word = "axis" if len(hiding) == 1 else "axes"

@@ -293,8 +293,8 @@ def deep_penetration(runs: MeasuredRuns) -> OnsetIterator:
         for run in runs_where(deep[row] & lasts & ~_always_overlaps(context, row)):
             name = context.pairs.names[places[row]] if places else "the model"
             limit = accepted[row, run]
-            deep, most = format_amount(steady[row, run], "mm"), format_amount(limit, "mm")
-            reason = f"{name} rests {deep} deep (limit {most})"
+            lies, most = format_amount(steady[row, run], "mm"), format_amount(limit, "mm")
+            reason = f"{name} rests {lies} deep (limit {most})"
             step = context.last_fifth.start + first_step(depth[run] > limit)
             yield run, Onset(reason, step, bodies_of_pair(context, places[row]) if places else ())
 

@@ -254,8 +254,8 @@ def _find_mismatches(stretch: _RequiredStretch) -> Faults:
             depth = stretch.depth(row)
             if (deep := depth > expected.depth).any():
                 met = f"is up to {format_amount(depth[deep].max(), 'mm')} deep"
-                most = format_amount(expected.depth, "mm")
-                yield f"{name} should be at most {most} deep", met, deep
+                bound = format_amount(expected.depth, "mm")
+                yield f"{name} should be at most {bound} deep", met, deep
     if word != "presses":
         return
     mean = stretch.mean_force

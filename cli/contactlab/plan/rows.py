@@ -64,7 +64,7 @@ class SweepContext(Draft):
         spec = self.find_axis(name)
         if spec is None:
             return UNREADABLE
-        with suppress(ValueError):  # a word that is no number may still be a value
+        with suppress(ValueError):  # a word that is not a number may still be a value
             if isinstance(value, float | str) and not math.isfinite(float(value)):
                 hint = "write a finite number"
                 self.document.add_mistake("not-finite", place, f"'{name}' must be finite", hint)

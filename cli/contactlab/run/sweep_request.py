@@ -200,7 +200,7 @@ class SceneLoader:
             most = duration or self.open(reference).duration
             return mistake_in_requirement(text, scene.base({}), scene.source.manifest, most)
 
-        def unusable(drive: Drive) -> str | None:
+        def check_drive(drive: Drive) -> str | None:
             try:
                 _ = self.drive or self._open_driven(reference, drive)
             except SceneError as error:
@@ -220,7 +220,7 @@ class SceneLoader:
             else dict.fromkeys(_ORACLE_METRICS, _NO_ORACLE),
             asks=bool(manifest and manifest.must),
             mistake_in_requirement=broken,
-            mistake_in_drive=unusable,
+            mistake_in_drive=check_drive,
             coordinates=[name for name in scene.catalogue.coordinate_names if name not in taken],
         )
 

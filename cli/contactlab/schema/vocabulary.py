@@ -74,7 +74,7 @@ class Vocabulary:
     mistake_in_requirement: Callable[[str, float | None], str | None] | None = None
     """Fault of a requirement in runs of that duration; None if there is none."""
     mistake_in_drive: Callable[[Drive], str | None] | None = None
-    """Fault of the drive of a sweep file, such as a missing file; None if there is none."""
+    """Fault of the drive of a sweep file, such as a missing file; None if it can be used."""
 
 
 def _check_reach(values: tuple[float, float, float]) -> tuple[float, float, float]:

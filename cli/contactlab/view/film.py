@@ -348,7 +348,7 @@ class RunPictures:
         record, model, motion = self.replay.record, self.replay.prepared.model, self.motion
         chosen = {frame: self.qpos[frame] for frame in frames}
         outcomes = [] if record.success is None else ["success" if record.success else "no success"]
-        # An episode's success says more than `stable`, but a failed contact is told with it.
+        # An episode's success says more than `stable`, but a failed contact is added to it.
         outcomes += [] if outcomes and record.label == "stable" else [record.label]
         run = f"{record.scene} {record.run_id[:8]}: {', '.join(outcomes)}"
         bar = None

@@ -13,7 +13,12 @@ from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_names import name_by_address
 from contactlab.scene.model_writer import write_model
 from contactlab.scene.scene import Scene
-from contactlab.studies.diff.compare_models import describe_diff, diff_models, find_differences
+from contactlab.studies.diff.compare_models import (
+    describe_diff,
+    diff_models,
+    find_differences,
+    summarize_changes,
+)
 from contactlab.studies.diff.matching import match_parts
 from contactlab.studies.diff.motion_change import motion_change
 
@@ -272,3 +277,24 @@ def test_the_motion_is_the_last_line_of_words_and_markdown(tmp_path: Path) -> No
         assert "motion: the second model needs a residual force" in lines[-1]
     assert report.motion is not None
     assert report.motion.error > 0
+
+
+def test_a_summary_joins_changes_by_one_factor_and_names_new_sensors(tmp_path: Path) -> None:
+    """Every mass grows by 1 %, two sensors are new, and one friction is another."""
+    text = """<mujoco><worldbody>{}</worldbody><sensor>{}</sensor></mujoco>"""
+    bodies = "".join(
+        f'<body name="b{mass}"><freejoint/><geom size=".1" mass="{{}}" friction="{{}}"/></body>'
+        for mass in (1, 2, 3)
+    )
+    sensors = '<framepos name="p" objtype="body" objname="b1"/><clock name="t"/>'
+    for name, factor, friction, added in (("one", 1, 1, ""), ("other", 1.01, 0.5, sensors)):
+        values = (1 * factor, 1, 2 * factor, friction, 3 * factor, 1)
+        (tmp_path / f"{name}.xml").write_text(text.format(bodies.format(*values), added))
+    said, quantities = summarize_changes(*(str(tmp_path / f"{n}.xml") for n in ("one", "other")))
+    assert said == [
+        "3 bodies: mass x1.01",
+        "3 bodies: inertia x1.01",
+        "geom 'geom[1]': friction 1 0.005 0.0001 -> 0.5 0.005 0.0001 (50 %)",
+        "2 sensors are new: p, t",
+    ]
+    assert quantities == {"mass", "inertia", "friction", "type"}

@@ -19,6 +19,7 @@ from contactlab.rendering.document import (
 )
 from contactlab.run.planned_runs import open_store_scene
 from contactlab.run.sweep_request import SceneLoader
+from contactlab.scene.compile_model import SENSOR_PREFIX
 from contactlab.scene.contact_pairs import body_reaches, touch_mask
 from contactlab.scene.model_edits import FLAG_NAMES, read_flag, read_option
 from contactlab.scene.model_names import OBJECT_LISTS, name_of
@@ -85,17 +86,42 @@ def summarize_changes(before: str, after: str) -> tuple[list[str], set[str]]:
         one, other = (find_model_scene(each).base({}).model for each in (before, after))
     except ContactlabError as error:
         return [f"the model; it cannot be compared here: {error}"], set()
-    alike = dict[tuple[str, str, str, str, str], list[Difference]]()
+    alike = dict[tuple[str, ...], list[Difference]]()
     for found in find_differences(one, other):
-        key = (found.kind, found.quantity, found.before, found.after, found.unit)
-        alike.setdefault(key, []).append(found)
-    sentences = [
-        found[0].sentence
-        if len(found) == 1
-        else _shared_sentence(f"{len(found)} {OBJECT_LISTS.get(key[0], key[0])}", found[0])
-        for key, found in alike.items()
-    ]
+        factor = _common_factor(found.before, found.after)
+        change = (factor,) if factor else (found.before, found.after)
+        if not all(change):
+            change = ("gone" if found.before else "new",)
+        alike.setdefault((found.kind, found.quantity, found.unit, *change), []).append(found)
+    sentences = list[str]()
+    for (kind, quantity, _, *change), found in alike.items():
+        parts = f"{len(found)} {OBJECT_LISTS.get(kind, f'{kind}s')}"
+        if len(found) == 1:
+            sentences.append(found[0].sentence)
+        elif not (found[0].before and found[0].after):
+            names = ", ".join(each.name for each in found[:3]) + ", ..." * (len(found) > 3)
+            sentences.append(f"{parts} are {change[0]}: {names}")
+        elif len({(each.before, each.after) for each in found}) == 1:
+            sentences.append(_shared_sentence(parts, found[0]))
+        else:
+            sentences.append(f"{parts}: {quantity} x{change[0]}")
     return sentences, {quantity for _, quantity, *_ in alike}
+
+
+def _common_factor(before: str, after: str) -> str:
+    """Return the factor between all numbers of two texts; empty if they have no common one."""
+    try:
+        one, other = (np.array(text.split(), dtype=float) for text in (before, after))
+    except ValueError:
+        return ""
+    known = one != 0
+    if one.shape != other.shape or not known.any() or other[~known].any():
+        return ""
+    ratios = other[known] / one[known]
+    rounding = 1e-4  # of numbers that are printed with six digits
+    if np.ptp(ratios) > rounding * abs(ratios).max():
+        return ""
+    return f"{np.median(ratios):.4g}"
 
 
 def _shared_sentence(parts: str, found: Difference) -> str:
@@ -145,6 +171,7 @@ def find_differences(
                 if kind != "geom" or _has_contacts(model, index):
                     yield _one_sided_difference(model, kind, index, is_new=is_new)
     yield from _set_differences("exclude", _excluded_pairs(one), _excluded_pairs(other))
+    yield from _sensor_differences(one, other)
     names = {after: name_of(one, "body", before) for before, after in found.both["body"]}
     own = {before: name_of(one, "body", before) for before, _ in found.both["body"]}
     yield from _set_differences(
@@ -223,6 +250,30 @@ def _touching_pairs(model: mujoco.MjModel, names: dict[int, str]) -> set[str]:
         for first, second in pairs
         if first in names and second in names
     }
+
+
+def _sensor_differences(one: mujoco.MjModel, other: mujoco.MjModel) -> Iterator[Difference]:
+    """Yield sensors of files that are in one model only; sensors that record are of neither."""
+    before, after = (
+        {
+            name: mujoco.mjtSensor(int(model.sensor_type[sensor])).name[len("mjSENS_") :].lower()
+            for sensor in range(model.nsensor)
+            if not (name := model.sensor(sensor).name or f"sensor[{sensor}]").startswith(
+                SENSOR_PREFIX
+            )
+        }
+        for model in (one, other)
+    )
+    for name in [*before, *sorted(after.keys() - before.keys())]:
+        if before.get(name) != after.get(name):
+            yield Difference(
+                kind="sensor",
+                name=name,
+                quantity="type",
+                before=before.get(name, ""),
+                after=after.get(name, ""),
+                relative_change=None,
+            )
 
 
 def _set_differences(kind: str, before: set[str], after: set[str]) -> Iterator[Difference]:
