@@ -109,7 +109,7 @@ def summarize_changes(before: str, after: str) -> tuple[list[str], set[str]]:
 
 
 def _common_factor(before: str, after: str) -> str:
-    """Return the factor between all numbers of two texts; empty if they have no common one."""
+    # Empty if the numbers of the texts have none.
     try:
         one, other = (np.array(text.split(), dtype=float) for text in (before, after))
     except ValueError:
@@ -253,7 +253,7 @@ def _touching_pairs(model: mujoco.MjModel, names: dict[int, str]) -> set[str]:
 
 
 def _sensor_differences(one: mujoco.MjModel, other: mujoco.MjModel) -> Iterator[Difference]:
-    """Yield sensors of files that are in one model only; sensors that record are of neither."""
+    # Sensors of the files alone, without those that record.
     before, after = (
         {
             name: mujoco.mjtSensor(int(model.sensor_type[sensor])).name[len("mjSENS_") :].lower()
