@@ -109,7 +109,7 @@ def summarize_changes(before: str, after: str) -> tuple[list[str], set[str]]:
 
 
 def _common_factor(before: str, after: str) -> str:
-    # Empty if the numbers of the texts have none.
+    # Empty if the ratios of their numbers differ.
     try:
         one, other = (np.array(text.split(), dtype=float) for text in (before, after))
     except ValueError:
