@@ -22,7 +22,7 @@ _NESTED_ROWS = {
     "nmeshpolyvert": ("nmeshpoly", "mesh_polyvertadr", "mesh_polyvertnum"),
     "nmeshpolymap": ("nmeshvert", "mesh_polymapadr", "mesh_polymapnum"),
 }
-"""The same for rows of polygons and of vertices, whose own rows have the other size."""
+"""The same for rows of polygons and of vertices; these have rows of the size that comes first."""
 _OTHER_ADDRESSES = {"body_bvhadr": "nbvh", "flex_bvhadr": "nbvh", "mesh_graphadr": "nmeshgraph"}
 _HEAVY_FIELDS = {
     "bvh_aabb": "nbvhstatic",

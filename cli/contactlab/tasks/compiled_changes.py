@@ -4,11 +4,12 @@ import mujoco
 
 from contactlab.budget.motion import INTEGRATION
 from contactlab.scene.model_draft import CompiledFiles, ModelEdits, drop_textures, edit_spec
+from contactlab.scene.motion_model import drop_drawn_data
 from contactlab.tasks.checked_model import CheckedModel
 
 
 def compile_changed(checked: CheckedModel, edits: ModelEdits) -> mujoco.MjModel:
-    """Return the model of a scene's files with edits, without recording and textures.
+    """Return the model of a scene's files with edits, without recording and drawn data.
 
     If its state has another size than that of the task's motions, it is the model of the motions.
 
@@ -26,4 +27,4 @@ def compile_changed(checked: CheckedModel, edits: ModelEdits) -> mujoco.MjModel:
     own = checked.motions[0].model
     if mujoco.mj_stateSize(files.model, INTEGRATION) != mujoco.mj_stateSize(own, INTEGRATION):
         return own
-    return files.model
+    return drop_drawn_data(files.model)

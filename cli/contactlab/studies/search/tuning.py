@@ -409,7 +409,7 @@ class TuningStudy:
         first = max(self._problem.task.seeds) + 1
         contenders = self._choose_contenders(known, marked)
         count = min(plan.pilot, self._affordable_seeds(contenders, plan.pilot_share))
-        if count < self._problem.seeds or self._time_limit.remaining < 0:
+        if count < self._problem.seeds or not self._has_time(contenders, count):
             points = choose_front(known, marked, search.front_limit)
             return points, [one.error for one in points if one.error]
         errors = self._measure_errors(contenders, first, count)
@@ -419,7 +419,7 @@ class TuningStudy:
         spread = max(error.relative_spread for error in errors)
         wanted = max(plan.pilot, math.ceil((spread / plan.precision) ** 2))
         more = min(wanted, self._affordable_seeds(finalists, 1 - plan.pilot_share), plan.most)
-        if more >= count:
+        if more >= count and self._has_time(finalists, more):
             own = {one.configuration.key: one for one in contenders}
             contenders = [own[one.configuration.key] for one in finalists]
             errors = self._measure_errors(contenders, first + count, more)
@@ -465,12 +465,22 @@ class TuningStudy:
     def _affordable_seeds(self, candidates: Sequence[Evaluation], share: float) -> int:
         """Return the seeds for errors of candidates, by a share of the work and by memory."""
         problem = self._problem
-        reference = problem.reference.substeps * (4 if problem.reference_integrator else 1)
-        work = problem.cost.pass_seconds * (reference + sum(one.cost for one in candidates))
         states = sum(motion.steps * motion.starts.shape[1] for motion in problem.motions)
         size = 8 * states * problem.reference.substeps
         allowed = share * PLAN.points / PLAN.search * problem.work
-        return int(min(allowed / work, _SEED_PLAN.memory / size))
+        return int(min(allowed / self._count_seconds(candidates), _SEED_PLAN.memory / size))
+
+    def _count_seconds(self, candidates: Sequence[Evaluation]) -> float:
+        # Of the errors of candidates on one seed.
+        problem = self._problem
+        reference = problem.reference.substeps * (4 if problem.reference_integrator else 1)
+        return problem.cost.pass_seconds * (reference + sum(one.cost for one in candidates))
+
+    def _has_time(self, candidates: Sequence[Evaluation], seeds: int) -> bool:
+        if seeds * self._count_seconds(candidates) <= self._time_limit.remaining:
+            return True
+        self._verifier.ending = "time"
+        return False
 
     def _measure_errors(
         self, candidates: Sequence[Evaluation], first: int, count: int

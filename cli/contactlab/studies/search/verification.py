@@ -284,7 +284,9 @@ class CandidateVerifier:
             if one.exact and one.configuration.key not in self.rejected
         )
         tried = next((one for one in exact if self.is_better(one, goal.bound)), None)
-        if tried is None or self._search.max_cost is not None or not self._stays_exact(tried):
+        if tried is None or self._search.max_cost is not None:
+            return None
+        if self._time_limit.remaining < 0 or not self._stays_exact(tried):
             return None
         try:
             written = self._write_model(tried, goal.folder)
