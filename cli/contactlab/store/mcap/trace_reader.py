@@ -169,7 +169,7 @@ def _read_file(
 
 
 def _memory_for(data: bytes) -> AbstractContextManager[None]:
-    """Return the context to read a trace file in: arrays of a long one lie in files."""
+    # Arrays of a long trace lie in files.
     long_bytes = 32 << 20  # half a million steps of a body take ten times that in memory
     return arrays_on_disk() if len(data) > long_bytes else nullcontext()
 
