@@ -450,6 +450,20 @@ def test_a_policy_holds_an_arm(folder: Path) -> None:
 
 
 UNSEEDED = "wanted = wanted + np.random.default_rng().random()"
+OF_ITS_PROCESS = {
+    "hash": "wanted = wanted + hash('word') % 1000 / 1000",
+    "process": "import os; wanted = wanted + os.getpid() % 1000 / 1000",
+    "shared generator": "wanted = wanted + np.random.random()",
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", OF_ITS_PROCESS)
+def test_a_policy_of_its_process_is_noticed(folder: Path, name: str) -> None:
+    """Strings have other hashes in another process, which each resumed sweep is."""
+    write_policy(folder, OF_ITS_PROCESS[name])
+    manifest = swept(folder, workers=1)
+    assert manifest.unrepeatable == tuple(row["run_id"] for row in rows(folder))
 
 
 @pytest.mark.parametrize(("middle", "repeats"), [("", True), (UNSEEDED, False)])

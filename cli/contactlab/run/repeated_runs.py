@@ -1,5 +1,6 @@
 """Repeats runs with a policy: it may draw from a generator without a seed, or read a clock."""
 
+import multiprocessing
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,20 +15,26 @@ _COMPARED = ("status", "steps", "trajectory_hash", "controls")
 
 
 def find_unrepeatable(task: Task, runs: list[RunSpec], workers: int, stop: Stop) -> tuple[str, ...]:
-    """Return the ids of those of some runs that differ when they are simulated twice, alone.
+    """Return the ids of those of some runs that differ when they are simulated again, alone.
 
-    Nothing of it is kept. A run that ends its worker is left out.
+    A run is simulated twice in one worker process and, unless all runs are in this process, in one
+    that is not forked: there strings have other hashes. Nothing of it is kept. A run that ends its
+    worker is left out.
     """
+    pools = [(LocalPool(min(workers, 1)), 2)]
+    if workers:
+        pools.append((LocalPool(1, multiprocessing.get_context("spawn")), 1))
     found: list[str] = []
     with temporary_folder() as folder:
         sweep = task.sweep.model_copy(update={"trace": "none", "checks": "none"})
         own = replace(task, sweep=sweep, store=Path(folder))
         for run in runs:
             rows = list[object]()
-            for result in LocalPool(min(workers, 1)).run(own, [(run,)] * 2, stop):
-                if not isinstance(result, Crashed):
-                    said = [from_json(each.row) for each in result]
-                    rows += [[row.get(name) for name in _COMPARED] for row in said]
-            if len(rows) == 2 and rows[0] != rows[1]:
+            for pool, repeats in pools:
+                for result in pool.run(own, [(run,)] * repeats, stop):
+                    if not isinstance(result, Crashed):
+                        said = [from_json(each.row) for each in result]
+                        rows += [[row.get(name) for name in _COMPARED] for row in said]
+            if any(row != rows[0] for row in rows):
                 found.append(run.run_id)
     return tuple(found)

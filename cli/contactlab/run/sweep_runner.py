@@ -201,8 +201,8 @@ def _repeat_some(session: SweepSession) -> tuple[str, ...]:
     found = find_unrepeatable(task, some, session.executor.workers, session.stop)
     for run_id in found:
         _LOG.warning(
-            "run %s does not repeat: simulated again twice, its motion or controls differed; the "
-            "policy may draw from a generator without a seed, or read a clock",
+            "run %s does not repeat: simulated again, its motion or controls differed; the policy "
+            "may draw from a generator without a seed, read a clock, or depend on its process",
             run_id,
         )
     return found

@@ -18,6 +18,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import count, islice, takewhile
 from multiprocessing.connection import Connection, wait
+from multiprocessing.context import ForkServerContext, SpawnContext
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
@@ -35,6 +36,7 @@ from contactlab.run.tasks import Crashed, Job, Result, Stop, Task
 from contactlab.run.worker import Worker
 from contactlab.temporary_folders import temporary_folder
 
+Context = ForkServerContext | SpawnContext
 # Messages of the engine, zstandard and the operating system.
 _NO_MEMORY = re.compile("(allocate|not enough|out of) memory", re.IGNORECASE)
 _MAX_HALTED_CHECKS = 3
@@ -60,6 +62,7 @@ class LocalPool:
     """Worker processes of this machine."""
 
     workers: int  # processes; 0 runs everything in this one, without protection from crashes
+    context: Context | None = None  # starts them; by default the fork server
 
     def run(self, task: Task, jobs: Iterable[Job], stop: Stop) -> Iterator[Result]:
         """Yield the results of jobs as they finish; see `Executor`."""
@@ -74,7 +77,7 @@ class LocalPool:
             return
         with (
             temporary_folder() as folder,
-            contextlib.closing(WorkerPool(task, Path(folder), self.workers)) as pool,
+            contextlib.closing(WorkerPool(task, Path(folder), self.workers, self.context)) as pool,
         ):
             yield from pool.run_jobs(jobs, stop)
 
@@ -82,8 +85,10 @@ class LocalPool:
 class WorkerPool:
     """Worker processes of a task, which are started on demand and kept between jobs."""
 
-    def __init__(self, task: Task, folder: Path, most: int) -> None:
-        self._task = task
+    def __init__(
+        self, task: Task, folder: Path, most: int, context: Context | None = None
+    ) -> None:
+        self._task, self._context = task, context or CONTEXT
         self._markers = [folder / str(number) for number in range(most)]
         self._workers: dict[Path, WorkerHandle] = {}
 
@@ -112,7 +117,7 @@ class WorkerPool:
         if worker := self._workers.get(marker):
             send_job(worker, job)
         else:
-            start_worker(self._workers, self._task, marker, job)
+            start_worker(self._workers, self._task, marker, job, self._context)
 
     def close(self) -> None:
         """Kill the workers, whatever they are doing."""
@@ -132,14 +137,16 @@ class WorkerHandle:
     halted: int = 0  # number of checks in a row that found it halted, as by SIGSTOP
 
 
-def start_worker(workers: dict[Path, WorkerHandle], task: Task, marker: Path, job: Job) -> None:
+def start_worker(
+    workers: dict[Path, WorkerHandle], task: Task, marker: Path, job: Job, context: Context
+) -> None:
     """Start a worker on a job, and add it to the others before a signal can intervene."""
     marker.unlink(missing_ok=True)
     environment = dict(os.environ)
     with signals_blocked():
-        ours, theirs = CONTEXT.Pipe()
+        ours, theirs = context.Pipe()
         arguments = (task, theirs, marker, environment)
-        process = CONTEXT.Process(target=_serve_jobs, args=arguments, daemon=True)
+        process = context.Process(target=_serve_jobs, args=arguments, daemon=True)
         start_process(process)
         theirs.close()
         workers[marker] = WorkerHandle(process, ours, marker)
