@@ -132,6 +132,7 @@ def test_a_model_meets_what_applies_to_it_under_an_affected_engine(tmp_path: Pat
             {"workarounds": [{"modification": "jacobian", "settings": {"cone": "elliptic"}}]},
             "does not set cone",
         ),
+        ({"witness__model": "<mujoco/><mujoco/>"}, "witness.model:1:10: not XML"),
         ({"advice": ""}, "name a modification"),
         ({"id": "one"}, "id"),
         ({"severity": "bad"}, "severity"),

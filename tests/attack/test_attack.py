@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 from tests.attack.attack import OUTCOMES, attack
+from tests.attack.bent_commands import bend_files
 from tests.attack.fuzz import fuzz
 from tests.attack.mutations import CONTENT, FILES
 from tests.attack.readers import Reader, readers
@@ -58,3 +59,17 @@ def known(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Reader]:
 def test_a_bent_file_is_read_or_refused(known: dict[str, Reader], name: str) -> None:
     known[name].read(known[name].sound)
     fuzz(known[name], 20, number=7)
+
+
+@pytest.mark.parametrize(
+    ("count", "seed"),
+    [pytest.param(18, 3, marks=pytest.mark.long), pytest.param(200, 1, marks=pytest.mark.night)],
+)
+def test_a_command_names_what_is_wrong_with_a_file(tmp_path: Path, count: int, seed: int) -> None:
+    """Without a traceback, in time, and with an exit code of its own."""
+    problems = [
+        (case.kind, case.number, case.command, case.problem, case.said[-500:])
+        for case in bend_files(tmp_path, count, seed)
+        if case.problem
+    ]
+    assert problems == []

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from contactlab import resources
 from contactlab.advisories.field_expressions import FieldExpression
-from contactlab.errors import AdvisoryError, did_you_mean, no_file
+from contactlab.errors import AdvisoryError, SceneError, did_you_mean, no_file
 from contactlab.expression import ExpressionError
 from contactlab.plugins import extensions
 from contactlab.schema.advisory import Advisory
@@ -96,6 +96,7 @@ def parse_advisory(file: Path) -> Advisory:
 def _find_mistakes(advisory: Advisory) -> Iterator[str]:
     # Types do not check expressions, names of modifications and distances of values.
     from contactlab.modifications.catalogue import CATALOGUE  # noqa: PLC0415 - takes a while
+    from contactlab.scene.model_xml import parse_text  # noqa: PLC0415 - as above
 
     witness = advisory.witness
     expressions = {"applies": advisory.applies, "witness.measure": witness.measure}
@@ -106,6 +107,10 @@ def _find_mistakes(advisory: Advisory) -> Iterator[str]:
             FieldExpression(text)
         except ExpressionError as error:
             yield f"{key}: {error}: {text}"
+    try:
+        parse_text(witness.model, "witness.model")
+    except SceneError as error:
+        yield str(error)
     if abs(witness.wrong - witness.right) <= 2 * witness.tolerance:
         yield (
             f"witness: right {witness.right:g} and wrong {witness.wrong:g} are within twice the "

@@ -1,16 +1,15 @@
 """Replays the witness of an advisory under the MuJoCo of this process."""
 
 import warnings
-import xml.etree.ElementTree as ET
 from typing import NamedTuple
 
 import mujoco
 
 from contactlab.advisories.field_expressions import FieldExpression, ModelFacts
 from contactlab.advisories.met_advisories import find_obstacle
-from contactlab.errors import AdvisoryError
+from contactlab.errors import AdvisoryError, SceneError
 from contactlab.expression import ExpressionError
-from contactlab.scene.model_xml import list_elements
+from contactlab.scene.model_xml import list_elements, parse_text
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.schema.advisory import Advisory, Witness
 
@@ -37,14 +36,14 @@ def replay_witness(advisory: Advisory) -> WitnessRun:
             mujoco.mj_resetDataKeyframe(model, data, model.key(witness.keyframe).id)
         mujoco.mj_step(model, data, nstep=witness.steps)
         mujoco.mj_forward(model, data)
-        elements = list_elements(ET.fromstring(witness.model))  # noqa: S314 - MuJoCo has read it
+        elements = list_elements(parse_text(witness.model, "witness.model"))
         facts = ModelFacts(model, data, lambda: elements)
         measured = FieldExpression(witness.measure).evaluate_facts(facts)
         obstacle = find_obstacle("applies", advisory.applies, facts)
         if not obstacle and advisory.occurs:
             obstacle = find_obstacle("occurs", advisory.occurs, facts)
         return WitnessRun(measured, obstacle)
-    except (ValueError, KeyError, mujoco.FatalError, ExpressionError) as error:
+    except (ValueError, KeyError, mujoco.FatalError, ExpressionError, SceneError) as error:
         raise AdvisoryError(f"{advisory.id}: {str(error).partition(chr(10))[0]}") from error
 
 

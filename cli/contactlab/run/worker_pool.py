@@ -85,9 +85,7 @@ class LocalPool:
 class WorkerPool:
     """Worker processes of a task, which are started on demand and kept between jobs."""
 
-    def __init__(
-        self, task: Task, folder: Path, most: int, context: Context | None = None
-    ) -> None:
+    def __init__(self, task: Task, folder: Path, most: int, context: Context | None = None) -> None:
         self._task, self._context = task, context or CONTEXT
         self._markers = [folder / str(number) for number in range(most)]
         self._workers: dict[Path, WorkerHandle] = {}

@@ -62,6 +62,11 @@ def parse(path: Path) -> ET.Element:
     return _Reading(path, data).parse_root()
 
 
+def parse_text(text: str, shown: str) -> ET.Element:
+    """Return the root element of a model's text, like `parse`; mistakes are in a `shown` file."""
+    return _Reading(Path(shown), text.encode()).parse_root()
+
+
 class _Reading:
     """The reading of one file."""
 
