@@ -108,7 +108,7 @@ def test_a_pd_moves_into_the_model(tmp_path: Path) -> None:
     assert first.verification is not None
     assert first.verification.passed
     assert first.settings == {"integrator": "implicitfast", "drive.send": "targets"}
-    assert first.lines[-1].startswith("in your own controller: send")
+    assert first.controller.startswith("In your own controller, send")
     made = mujoco.MjModel.from_xml_path(str(report.written))
     assert made.actuator_forcerange[0].tolist() == [-5, 5]
     assert made.actuator_biasprm[0, 1:3].tolist() == [-1e-3, -KD]

@@ -220,6 +220,8 @@ def _list_fix_lines(fix: Fix, most: int) -> Iterator[Block]:
         more = len(fix.lines) - most
         rest = f"and {more} more line{'s' * (more > 1)}, which --write writes" if more > 0 else ""
         yield Code(fix.lines[:most], more=rest, indent=5)
+    if fix.controller:
+        yield Sentence(fix.controller)
     if fix.no_patch_reason:
         yield Sentence(f"no lines: {fix.no_patch_reason}")
 

@@ -117,9 +117,8 @@ class Fix(Model):
     )
     distance_before: FiniteOrNull = about("The same of the model as written; null if infinite.")
     time_ratio: TimeRatio | None = about("Time with the fix over time without; null if unknown.")
-    lines: tuple[str, ...] = about(
-        "The lines of the model's files, each after FILE:LINE; a sentence for another controller."
-    )
+    lines: tuple[str, ...] = about("The lines of the model's files, each after FILE:LINE.")
+    controller: str = about("The change of a controller outside of the model.", default="")
     no_patch_reason: str = about("Why there are no lines.", default="")
     verification: VerifiedChange | None = about(
         "Measures of the model with it against those of the original, if it is the first fix.",

@@ -75,7 +75,7 @@ class LoopRepair(NamedTuple):
     apply: str
     edits: ModelEdits
     drive: PolicyDrive | None = None
-    controller: tuple[str, ...] = ()
+    controller: str = ""
 
 
 def list_loop_repairs(
@@ -148,8 +148,8 @@ def _list_inside_repairs(study: LoopStudy, drive: PolicyDrive) -> Iterator[LoopR
     name = f"the PD as position servos of the model: --drive {drive_text(targets)}"
     geared = any(loop.model.actuator(one.actuator).gear[0] != 1 for one in servos)
     words = "gear * target" if geared else "the target of its joint"
-    line = f"in your own controller: send each motor {words} as its control, not a torque"
-    yield LoopRepair(name, "loop-servos", edits, targets, (line,))
+    line = f"In your own controller, send each motor {words}, not a torque."
+    yield LoopRepair(name, "loop-servos", edits, targets, line)
 
 
 def _round_up(value: float) -> float:

@@ -71,7 +71,7 @@ class Repair(NamedTuple):
     file: tuple[Path, tuple[str, ...]] | None = None
     rule: str = ""
     drive: PolicyDrive | None = None
-    controller: tuple[str, ...] = ()
+    controller: str = ""
 
     def repairs_fault(self, fault: FileFault) -> bool:
         """Return whether it is a repair of a fault: of its rule, or of the start it gives."""
@@ -388,7 +388,8 @@ class CauseRepairer:
             distance_to_reference=None,
             distance_before=None,
             time_ratio=None,
-            lines=(*(repair.file[1] if repair.file else written.lines), *repair.controller),
+            lines=repair.file[1] if repair.file else written.lines,
+            controller=repair.controller,
             verification=found,
         )
         cause = known.model_copy(
