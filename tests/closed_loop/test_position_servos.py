@@ -35,7 +35,7 @@ ARM = """<mujoco><option timestep=".002"/><default><motor ctrlrange="-4 4"/></de
 PD = partial(PdController, kp=6.0, kd=0.5)
 
 
-class Stated:
+class GainPolicy:
     """A PD per control, with gains that it states, and one that it does not obey."""
 
     kp = (8.0, -5.0)
@@ -47,30 +47,30 @@ class Stated:
         del model
 
     @classmethod
-    def make_other(cls, model: mujoco.MjModel) -> "Stated":
+    def make_other(cls, model: mujoco.MjModel) -> "GainPolicy":
         """Make a policy without a class of its own."""
         return cls(model)
 
     def __call__(self, *seen: Floats) -> Floats:
         """Return torques toward a moving target, within limits."""
         target = 0.1 * np.sin(seen[0])[:, None] - seen[1]
-        wanted = target * Stated.kp - seen[2] * Stated.kd
+        wanted = target * GainPolicy.kp - seen[2] * GainPolicy.kd
         return np.clip(wanted + self.across * seen[1][:, ::-1], -4, 4)
 
 
-class Coupled(Stated):
+class CrossPolicy(GainPolicy):
     """Has more feedback than it states."""
 
     across = 0.5
 
 
-class Wrong(Stated):
+class WrongPolicy(GainPolicy):
     """States other gains."""
 
     kp = (9.0, -5.0)
 
 
-class Silent(Stated):
+class SilentPolicy(GainPolicy):
     """States no gain."""
 
     kp = None  # pyright: ignore[reportAssignmentType]
@@ -83,7 +83,7 @@ def make_loop(policy: PolicyClass, xml: str = ARM) -> ControlLoop:
     return ControlLoop(model, policy, start, 100.0)
 
 
-@pytest.mark.parametrize("policy", [PD, Stated])
+@pytest.mark.parametrize("policy", [PD, GainPolicy])
 def test_servos_make_the_torques_of_the_policy(policy: PolicyClass) -> None:
     loop = make_loop(policy)
     inside = move_inside(loop, list_stated_servos(loop))
@@ -117,12 +117,12 @@ def test_gains_are_per_length_of_the_actuator() -> None:
     assert [servo.kp for servo in servos] == pytest.approx([6 / 9, 6 / 4])
     assert [servo.kv for servo in servos] == pytest.approx([0.5 / 9, 0.5 / 4])
     assert [servo.forces for servo in servos] == [(-4, 4), (-1, 3)]
-    assert [servo.kp for servo in list_stated_servos(make_loop(Stated))] == pytest.approx(
+    assert [servo.kp for servo in list_stated_servos(make_loop(GainPolicy))] == pytest.approx(
         [8 / 3, 5 / 2]
     )
 
 
-@pytest.mark.parametrize("policy", [Coupled, Wrong, Silent, Stated.make_other])
+@pytest.mark.parametrize("policy", [CrossPolicy, WrongPolicy, SilentPolicy, GainPolicy.make_other])
 def test_only_stated_gains_become_servos(policy: PolicyClass) -> None:
     assert list_stated_servos(make_loop(policy)) == ()
 
@@ -154,8 +154,8 @@ def test_a_damping_beyond_the_step_holds_inside() -> None:
 
 
 def test_targets_need_servos_and_a_class() -> None:
-    motors, targets = make_loop(PD).model, send_targets(Stated)
-    with pytest.raises(SceneError, match="the model has none"):
+    motors, targets = make_loop(PD).model, send_targets(GainPolicy)
+    with pytest.raises(SceneError, match="lacks position servos"):
         targets(motors)
     with pytest.raises(SceneError, match="write a class"):
-        send_targets(Stated(motors).make_other)
+        send_targets(GainPolicy(motors).make_other)

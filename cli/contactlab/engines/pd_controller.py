@@ -115,7 +115,5 @@ def find_servos(model: mujoco.MjModel) -> np.ndarray:
     single = (model.actuator_trntype == _JOINT) & (model.jnt_type[joints] >= _SLIDE)
     found = single & (gains[:, 0] > 0) & (biases[:, 1] == -gains[:, 0]) & (biases[:, 0] == 0)
     if not found.any():
-        raise SceneError(
-            "send=targets: targets are for position servos, but the model has none; leave it out"
-        )
+        raise SceneError("send=targets: the model lacks position servos; leave it out")
     return np.flatnonzero(found)

@@ -9,8 +9,8 @@ from contactlab.schema.control_loop import ControlLoopReport
 _NAMES = {
     "rate": "rate",
     "delay": "delay",
-    "gain": "gains, as a factor",
-    "armature": "armature, all driven",
+    "gain": "gain factor",
+    "armature": "armature",
 }
 
 
@@ -56,11 +56,13 @@ def format_frequency(rate: float) -> str:
 def loop_blocks(report: ControlLoopReport) -> Iterator[Block]:
     """Yield the sentence of a loop, its modes, and the table of its margins."""
     yield Sentence(loop_sentence(report))
-    growth = format_amount(report.growth)
+    growth, small = format_amount(report.growth), "does not stay small in a run"
+    if report.simulated_growth is not None:
+        small = f"grows by {format_amount(report.simulated_growth)} 1/s in a run"
     yield Sentence(
         f"fastest mode: joint {report.joint}, x{format_digits(report.eigenvalue or 0.0, 4)} a "
-        f"period, {growth} 1/s; a small offset grows by {format_amount(report.simulated_growth)} "
-        f"1/s in a run (up to {format_digits(report.allowed_growth, 2)} 1/s holds)"
+        f"period, {growth} 1/s; a small offset {small} (up to "
+        f"{format_digits(report.allowed_growth, 2)} 1/s holds)"
     )
     has_doubled = any(margin.doubled for margin in report.margins)
     rows = [

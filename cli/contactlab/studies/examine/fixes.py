@@ -61,7 +61,8 @@ Removes = Literal["verdict", "labels", "overlap", "cause"]
 
 def edits_of(fix: Fix, scene: Scene) -> ModelEdits:
     """Return the edits of a reported fix to a scene's model."""
-    axes = {name: scene.catalogue.find(name) for name in fix.settings}
+    of_model = [name for name in fix.settings if not name.startswith("drive.")]
+    axes = {name: scene.catalogue.find(name) for name in of_model}
     return ModelEdits(
         {
             name: axis.parse(fix.settings[name]) if axis else fix.settings[name]

@@ -65,7 +65,7 @@ def list_loop_facts(report: ControlLoopReport | None) -> Iterator[Fact]:
 
 
 class LoopRepair(NamedTuple):
-    """A change of a model with which the loop of its policy holds, or another drive.
+    """A change of a model that makes the loop of its policy hold, or another drive.
 
     Attributes:
         controller: the change of the controller, in words.
@@ -81,7 +81,7 @@ class LoopRepair(NamedTuple):
 def list_loop_repairs(
     study: LoopStudy, report: ControlLoopReport, drive: Drive
 ) -> Iterator[LoopRepair]:
-    """Yield changes with which the loop holds, also with twice its gains.
+    """Yield changes that make the loop hold, also with twice its gains.
 
     They are an implicit integrator, more armature or damping of all driven joints, a faster
     loop, with a step that divides its period, and a PD as position servos of the model.
