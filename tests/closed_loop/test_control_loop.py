@@ -17,6 +17,7 @@ from contactlab.closed_loop.control_loop import (
 )
 from contactlab.closed_loop.loop_margins import LoopStudy
 from contactlab.contact.trace_arrays import Floats
+from contactlab.engines.engine import Policy
 
 HINGE = """<mujoco><option timestep="{h}" gravity="0 0 0" integrator="{integrator}"/>
 <worldbody><body><joint name="hinge" axis="0 1 0"/>
@@ -165,3 +166,20 @@ def test_a_controller_in_single_precision_has_the_modes_of_a_double_one() -> Non
         (one, _), (other, _) = (find_modes(loop, np.array([0.0])) for loop in (double, single))
         assert other == pytest.approx(one, rel=0.01)
         assert LoopStudy(single, periods=300).holds_simulated(single)
+
+
+def test_an_object_that_falls_alone_is_no_mode_of_a_loop() -> None:
+    """A pole that no actuator moves tips over; the loop of the hinge is unchanged."""
+    falling = '<body pos="1 0 0"><joint axis="0 1 0"/><geom size=".05" pos="0 0 .1"/></body>'
+    loop, still = hinge_loop(2.0, 0.5), 'gravity="0 0 0"'
+    xml = HINGE.format(h=1e-3, integrator="Euler").replace(still, "")
+    other = mujoco.MjModel.from_xml_string(xml.replace("</worldbody>", f"{falling}</worldbody>"))
+
+    def hold_hinge(_: mujoco.MjModel) -> Policy:
+        return lambda *seen: -2.0 * seen[1][:, :1] - 0.5 * seen[2][:, :1]
+
+    both = replace(loop, model=other, start=start_of(other), policy=hold_hinge)
+    growth, dof = find_modes(both, np.array([0.0]))
+    assert (growth, dof) == (pytest.approx(find_modes(loop, np.array([0.0]))[0], rel=1e-6), 0)
+    assert simulate_growth(both, 1.0) == pytest.approx(simulate_growth(loop, 1.0), abs=0.3)
+    assert simulate_growth(replace(both, latency=0.1), 1.0) > 1

@@ -81,12 +81,25 @@ class ControlLoop:
     @cached_property
     def driven_dofs(self) -> np.ndarray:
         """Ids of the degrees of freedom of slides and hinges that actuators move."""
+        kinds = self.model.jnt_type[self.model.dof_jntid[self._moved_dofs]]
+        return self._moved_dofs[kinds >= int(mujoco.mjtJoint.mjJNT_SLIDE)]
+
+    @cached_property
+    def robot_dofs(self) -> np.ndarray:
+        """Ids of all degrees of freedom that are in a tree with one that actuators move.
+
+        An object on a table may rock forever at a thousandth of its size, and no loop causes it.
+        """
+        trees = self.model.dof_treeid
+        moved = np.isin(trees, trees[self._moved_dofs])
+        return np.flatnonzero(moved) if moved.any() else np.arange(self.model.nv)
+
+    @cached_property
+    def _moved_dofs(self) -> np.ndarray:
         data = mujoco.MjData(self.model)
         mujoco.mj_setState(self.model, data, self.start, INTEGRATION)
         mujoco.mj_forward(self.model, data)
-        columns = np.ravel(data.moment_colind)[np.ravel(data.actuator_moment) != 0]
-        kinds = self.model.jnt_type[self.model.dof_jntid[columns]]
-        return np.unique(columns[kinds >= int(mujoco.mjtJoint.mjJNT_SLIDE)])
+        return np.unique(np.ravel(data.moment_colind)[np.ravel(data.actuator_moment) != 0])
 
     def with_armature(self, least: float) -> "ControlLoop":
         """Return the loop with at least this armature of each driven degree of freedom."""
@@ -212,8 +225,9 @@ class LoopRows:
         return ((controls[::2] - controls[1::2]) / (2 * nudge)).T
 
     def find_difference(self, row: int) -> float:
-        """Return how much the velocity of a row differs from that of the first [rad/s or m/s]."""
-        return float(np.linalg.norm(self.data[row].qvel - self.data[0].qvel))
+        """Return how much a row's velocity of the robot differs from the first [rad/s or m/s]."""
+        difference = self.data[row].qvel - self.data[0].qvel
+        return float(np.linalg.norm(difference[self.loop.robot_dofs]))
 
     def ask_policy(self) -> Floats:
         """Return (rows, nu) the controls for the states of the rows."""
@@ -314,11 +328,14 @@ def find_modes(loop: ControlLoop, times: Floats) -> tuple[float, int]:
             return worst if worst > 0 else math.inf, dof
         done += periods
         values, shapes = np.linalg.eig(rows.linearize_period())
-        place = int(np.abs(values).argmax())
+        energies = np.abs(shapes[loop.model.nv : 2 * loop.model.nv]) ** 2
+        energies *= _dof_inertia(rows)[:, None]
+        # Modes of objects alone are no modes of the loop; those of controls alone are.
+        of_robot = energies[loop.robot_dofs].sum(axis=0) >= 1e-3 * energies.sum(axis=0)
+        place = int(np.where(of_robot, np.abs(values), 0.0).argmax())
         rate = math.log(max(abs(values[place]), 1e-300)) * loop.rate
         if rate > worst:
-            speeds = np.abs(shapes[loop.model.nv : 2 * loop.model.nv, place])
-            worst, dof = rate, int((speeds**2 * _dof_inertia(rows)).argmax())
+            worst, dof = rate, int(energies[:, place].argmax())
     return worst, dof
 
 
@@ -341,13 +358,13 @@ def simulate_growth(loop: ControlLoop, seconds: float) -> float:
     random = np.random.default_rng(0)
     for row in (1, 2):
         rows.nudge_velocity(row, loop.nudge * random.standard_normal(loop.model.nv))
-    differences, speeds = np.zeros(periods), np.zeros((periods, loop.model.nv))
+    differences, speeds = np.zeros(periods), np.zeros((periods, len(loop.robot_dofs)))
     # No small motion of a loop is faster than half its rate: beyond, its offset has grown.
     beyond = max(1e-4, 3 * loop.nudge) * math.pi * loop.rate
     for period in range(periods):
         if not rows.make_periods():
             return math.inf
-        speeds[period] = rows.data[0].qvel
+        speeds[period] = rows.data[0].qvel[loop.robot_dofs]
         differences[period] = max(rows.find_difference(row) for row in (1, 2))
         if differences[period] > beyond:
             return math.inf
