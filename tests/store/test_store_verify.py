@@ -1,5 +1,6 @@
 """A sound store has no problems; every planted damage is found, and named."""
 
+import hashlib
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -106,6 +107,17 @@ def test_runs_that_are_not_all_there(
         "traces/02/0000000000000002.mcap: belongs to no run",
         "runs.parquet: its records do not match the manifest's digest",
     ]
+
+
+@pytest.mark.parametrize("data", [b"", b"{}", b"\xff", b'{"runs": "two"}'])
+def test_an_identity_that_says_nothing(store: Path, data: bytes) -> None:
+    """It has the hash that the manifest states, as whoever writes a store can see to."""
+    (store / "sweep.json").write_bytes(data)
+    path = store / "manifest.json"
+    manifest = json.loads(path.read_text())
+    manifest["files"]["sweep.json"] = hashlib.sha256(data).hexdigest()
+    path.write_text(json.dumps(manifest))
+    assert any("sweep.json cannot be read" in problem for problem in find_problems(store))
 
 
 def test_a_manifest_of_another_sweep(store: Path) -> None:

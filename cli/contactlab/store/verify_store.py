@@ -9,7 +9,7 @@ import re
 import shutil
 from collections import Counter
 from collections.abc import Generator, Iterable, Iterator, Mapping
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, contextmanager
 from itertools import islice, tee
 from pathlib import Path
 from typing import Any
@@ -82,10 +82,13 @@ def _find_problems(
 ) -> Iterator[str]:
     changed = list(_check_files(store))
     yield from changed
-    # A missing or changed file is among the changed ones.
-    with suppress(OSError, StoreError):
+    try:
         if parse_identity(store.file(IDENTITY).read_bytes(), store.address) != store.manifest.sweep:
             yield f"{IDENTITY} and {MANIFEST} name different sweeps"
+    except (OSError, StoreError) as error:
+        # A missing or changed file is among the changed ones.
+        if not any(problem.startswith(IDENTITY) for problem in changed):
+            yield f"{IDENTITY} cannot be read: {error}"
     model = None
     if not any(problem.startswith(SCENES) for problem in changed):
         path = store.scene_folder / store.manifest.sweep.scene_model
