@@ -44,7 +44,7 @@ def unseen_verdict(model: Path, folder: Path, gone: Sequence[str] = ()) -> tuple
     """
     examined = open_model(str(model), Session(folder, 0), rows=None, seconds=0)
     examined.task = with_new_seeds(with_new_seeds(examined.task))
-    verdict, judged = examined.verdict, examined.judged
+    verdict, judged = examined.verdict, examined.budget_verdict
     leading = judged.reasons[:1]
     passed = verdict.is_accurate and not verdict.labels and judged.word in {"ok", "depends"}
     passed &= not any(reason.row in gone for reason in leading)

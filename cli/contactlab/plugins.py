@@ -21,7 +21,7 @@ from types import ModuleType
 
 from contactlab.errors import PluginError, in_one_line, no_file
 from contactlab.foreign_code import ends_command, limited_code
-from contactlab.registry import REGISTRIES, Named, Part, own_parts, transaction
+from contactlab.registry import REGISTRIES, NamedEntry, Part, own_parts, transaction
 
 GROUPS = {f"contactlab.{kind}s": kind for kind in ("metric", "label", "oracle", "check", "engine")}
 """Entry-point groups, with the kind of entry that each adds."""
@@ -147,7 +147,7 @@ def _add_entry(kind: str, entry: object) -> None:
     if isinstance(entry, type):
         if not any(type(known) is entry for known in registry.values()):
             registry.add(entry())
-    elif isinstance(entry, Named) and not isinstance(entry, ModuleType):
+    elif isinstance(entry, NamedEntry) and not isinstance(entry, ModuleType):
         registry.add(entry)
 
 

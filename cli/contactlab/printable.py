@@ -15,7 +15,7 @@ _CONTROL = re.compile(
 )
 # GitHub takes commands from lines that start with two colons, older ones from anywhere in a line.
 _COMMAND = re.compile(r"^(?P<start>[^\S\n]*):(?=:)|#(?=#\[)", re.MULTILINE)
-Told = Callable[[str], str]
+Replacer = Callable[[str], str]
 """Returns the text to write instead of another one: for an address, its geom's body."""
 COLUMNS = 80
 """Width of a report, whatever shows it."""

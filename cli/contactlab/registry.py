@@ -9,7 +9,7 @@ from contactlab.errors import PluginError
 
 
 @runtime_checkable
-class Named(Protocol):
+class NamedEntry(Protocol):
     """An entry of a registry."""
 
     @property
@@ -18,7 +18,7 @@ class Named(Protocol):
         ...
 
 
-Entry = TypeVar("Entry", bound=Named)
+Entry = TypeVar("Entry", bound=NamedEntry)
 
 
 class Registry(dict[str, Entry], Generic[Entry]):

@@ -19,7 +19,7 @@ class StepCount:
 
     name: str
     total: float
-    done: float = 0.0
+    finished_steps: float = 0.0
     is_named: bool = False  # whether steps have names; otherwise their count is shown
 
     @property
@@ -27,7 +27,7 @@ class StepCount:
         """Its state in words."""
         if self.is_named:
             return self.name
-        return f"{self.name} {min(self.done, self.total):,.0f} of {self.total:,.0f}"
+        return f"{self.name} {min(self.finished_steps, self.total):,.0f} of {self.total:,.0f}"
 
 
 Listener = Callable[[Sequence[StepCount]], None]
@@ -80,7 +80,7 @@ def step_count(name: str, total: float, *, named: bool = False) -> Generator[Ste
 
 def finish_step(count: StepCount, steps: float = 1.0) -> None:
     """Count finished steps, and report them."""
-    count.done += steps
+    count.finished_steps += steps
     if counts := _current.get():
         counts.call_listener()
         if counts.is_interrupted:
@@ -109,7 +109,7 @@ def step_names(total: float) -> Generator[Callable[[str], None]]:
         def begin_step(name: str) -> None:
             steps = 1.0 if count.name else 0.0
             count.name = name
-            finish_step(count, min(steps, count.total - count.done))
+            finish_step(count, min(steps, count.total - count.finished_steps))
 
         yield begin_step
 
@@ -118,5 +118,5 @@ def finished_share(nested: Sequence[StepCount]) -> float:
     """Return the finished share of nested work: each step is a part of its count."""
     share = 0.0
     for count in reversed(nested):
-        share = min(1.0, (count.done + share) / count.total)
+        share = min(1.0, (count.finished_steps + share) / count.total)
     return share

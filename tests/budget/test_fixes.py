@@ -246,7 +246,7 @@ def test_what_a_step_does_not_hold_is_tried_stiffer_after_finer_steps() -> None:
         return [[changed(motion, candidate)]]
 
     verdict = Verdict("depends", 0.1, (reason,))
-    try_fixes([motion], verdict, candidates=some, trial=Trial(FAST, moved=moved))
+    try_fixes([motion], verdict, candidates=some, trial=Trial(FAST, list_motions=moved))
     assert tried == ["stiff", "finer", "stiffer"]
 
 
@@ -329,7 +329,7 @@ def test_what_there_is_no_time_for_is_named_and_not_advised() -> None:
     motion = servo()
     verdict = judge(error_budget([motion], rows=[], settings=FAST))
     few = [one for one in list_candidates() if one.name in ("implicitfast", "RK4", "half the step")]
-    late = Trial(FAST, left=lambda: 0.0)
+    late = Trial(FAST, find_time_left=lambda: 0.0)
     none = try_fixes([motion], verdict, candidates=few, trial=late)
     every = try_fixes([motion], verdict, candidates=few, trial=Trial(FAST))
     assert {one.name for one in none} >= {one.name for one in every}
@@ -344,7 +344,7 @@ def test_time_runs_out_between_trials() -> None:
     names = "implicitfast", "half the step"
     few = [candidate for candidate in list_candidates() if candidate.name in names]
     answers = iter([math.inf] * 4)  # for nearness, and for three budgets of the first change
-    timed = Trial(FAST, left=lambda: next(answers, 0.0))
+    timed = Trial(FAST, find_time_left=lambda: next(answers, 0.0))
     some = try_fixes([motion], verdict, candidates=few, trial=timed)
     every = try_fixes([motion], verdict, candidates=few, trial=Trial(FAST))
     whole = {one.name: one.removes for one in every}

@@ -131,7 +131,7 @@ def test_a_run_repeats_from_its_controls_alone(
     assert again.iterations.tobytes() == rollout.iterations.tobytes()
     assert rollout.work is not None
     np.testing.assert_array_equal(again.work, rollout.work)
-    np.testing.assert_array_equal(again.given, rollout.given)
+    np.testing.assert_array_equal(again.constraint_gain, rollout.constraint_gain)
 
 
 def test_runs_of_a_job_are_what_each_is_alone(cart: Scene) -> None:

@@ -107,10 +107,10 @@ def assert_same_bits(
         for name, value in vars(other).items():
             if isinstance(value, np.ndarray):
                 assert getattr(one, name).tobytes() == value.tobytes(), name
-        assert (one.held is None) == (other.held is None)
-        if one.held is not None and other.held is not None:
-            assert one.held.position.tobytes() == other.held.position.tobytes()
-            assert one.held.rotation.tobytes() == other.held.rotation.tobytes()
+        assert (one.held_pose is None) == (other.held_pose is None)
+        if one.held_pose is not None and other.held_pose is not None:
+            assert one.held_pose.position.tobytes() == other.held_pose.position.tobytes()
+            assert one.held_pose.rotation.tobytes() == other.held_pose.rotation.tobytes()
         for pair, sensed in zip(one.pairs, other.pairs, strict=True):
             full = np.zeros_like(sensed.slots)
             full[:, :, : pair.slots.shape[2]] = pair.slots

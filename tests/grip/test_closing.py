@@ -52,7 +52,7 @@ def test_a_thumb_meets_the_fingers_and_they_never_each_other() -> None:
     pairs = [{fixture.model.geom(geom).name for geom in pair} for pair in closing.pairs]
     assert pairs == [{name, "thumb"} for name in ("a", "b", "c")]
     names = [fixture.model.actuator(each).name for each in range(fixture.model.nu)]
-    closed = dict(zip(names, closing.closed.tolist(), strict=True))
+    closed = dict(zip(names, closing.closed_controls.tolist(), strict=True))
     assert [closed[name] for name in NAMES] == [7, 7, 7, 20]
 
 
@@ -65,7 +65,9 @@ def test_an_object_that_is_held_still_stays_and_is_pressed_as_any() -> None:
     closing = find_closing(fixture)
     free = squeeze_object(fixture, closing)
     assert free.approach is not None
-    still = close_at(fixture, closing, replace(free.approach, is_still=True), closing.closed)
+    still = close_at(
+        fixture, closing, replace(free.approach, is_still=True), closing.closed_controls
+    )
     assert still.forces == pytest.approx(free.forces, rel=1e-3)
     way = body_frames(fixture.model, still.path, fixture.body, fixture.base)
     assert np.linalg.norm(way - way[0], axis=1).max() < 0.5 * 20 / 1e5 * 4.5**2

@@ -126,7 +126,7 @@ QUICK_HANDS = {"a tendon", "a fixed jaw"}
 def test_it_grips_by_its_own_actuators(hand: str, tmp_path: Path) -> None:
     """Both sides press alike: nothing else bears their force."""
     (tmp_path / "arm.xml").write_text(arm(hand), encoding="utf-8")
-    request = GripRequest(str(tmp_path / "arm.xml"), held="box:30x40x20mm,50g", fixes=False)
+    request = GripRequest(str(tmp_path / "arm.xml"), held_body="box:30x40x20mm,50g", fixes=False)
     report = judge_grip(request)
     forces = [each.force for each in report.fingers if each.force > 0]
     assert len(forces) == 2
@@ -164,7 +164,9 @@ def test_a_wrist_that_turns_wholly_and_a_start_beyond_limits_change_nothing(tmp_
         'axis="1 0 0" range="-.03 .03"', 'axis="1 0 0" range="-.03 -.005"'
     )
     (tmp_path / "claw.xml").write_text(text, encoding="utf-8")
-    report = judge_grip(GripRequest(str(tmp_path / "claw.xml"), fixes=False, held="box:70x40x40mm"))
+    report = judge_grip(
+        GripRequest(str(tmp_path / "claw.xml"), fixes=False, held_body="box:70x40x40mm")
+    )
     assert {each.name for each in report.controls} == {"a", "b"}
     assert [each.force for each in report.fingers] == pytest.approx([20, 20], rel=1e-3)
 

@@ -43,7 +43,7 @@ def test_the_speed_with_a_fix_is_that_of_the_fixed_model(tmp_path: Path) -> None
 def test_creep_without_a_load_is_no_creep_of_friction(idle: float, kind: str) -> None:
     known = GripEvidence(
         word="creeps", speed=5e-4, idle=idle, pressed=True, pull=20.0, weight=1.0, deep=0.0,
-        tried={"regularized": 1e-5}, tolerance=1e-4,
+        speeds_with_fixes={"regularized": 1e-5}, tolerance=1e-4,
     )  # fmt: skip
     assert [kind for kind, _ in find_causes(known)] == [kind]
 

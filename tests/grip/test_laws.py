@@ -66,7 +66,7 @@ def test_creep_is_that_of_regularised_friction(tmp_path: Path, impratio: str, so
     text = claw_with_bar(20, 0.1, cone="elliptic", impratio=impratio, solref=solref)
     report, grip = judged(tmp_path, text, held="bar")
     model = grip.fixture.model
-    found = find_contacts(model, data_at(model, grip.held.row), grip.fixture.body)
+    found = find_contacts(model, data_at(model, grip.squeeze.row), grip.fixture.body)
     depth = float(np.mean([contact.depth for contact in found]))
     # solimp of MuJoCo: from .9 to .95 within a millimetre, by a quadratic on either side of half.
     way = min(depth / 1e-3, 1.0)
@@ -133,8 +133,8 @@ def test_what_is_round_is_held_by_the_middle_of_pads(tmp_path: Path) -> None:
     asked = "cylinder:50x40mm,.1kg"
     report, grip = judged(tmp_path, claw(cone="elliptic", impratio="100"), held=asked)
     assert [each.force for each in report.fingers] == pytest.approx([20, 20], rel=1e-3)
-    assert grip.held.approach is not None
-    assert np.linalg.norm((grip.held.approach.point - [0.1, 0.2, 0.5])[1:]) < 1e-4
+    assert grip.squeeze.approach is not None
+    assert np.linalg.norm((grip.squeeze.approach.point - [0.1, 0.2, 0.5])[1:]) < 1e-4
     assert report.verdict != "drops"
 
 
@@ -207,7 +207,7 @@ def test_the_bench_is_plain_mujoco(tmp_path: Path) -> None:
     model.opt.gravity[:] = GRAVITY * grip.directions()[name]
     data = mujoco.MjData(model)
     state = int(mujoco.mjtState.mjSTATE_INTEGRATION)
-    mujoco.mj_setState(model, data, grip.held.row, state)
+    mujoco.mj_setState(model, data, grip.squeeze.row, state)
     steps = round(1 / model.opt.timestep)
     places = list[np.ndarray]()
     for _ in range(2):

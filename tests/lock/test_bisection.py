@@ -109,7 +109,7 @@ def test_a_release_that_changed_friction_is_found_with_the_run(
     slides.begin("1.0", "1.4")
     found = find_change(list(SINCE), slides.differs, ignore)
     assert (found.before, found.after) == ("1.1", "1.2")
-    shown = {each.name: each for each in slides.shown(found).findings}
+    shown = {each.name: each for each in slides.report_change(found).findings}
     slip = shown["slip_distance unchanged"]
     (pair,) = slip.worst
     assert pair.candidate_run
@@ -201,7 +201,7 @@ def test_a_change_of_a_real_release_is_found(tmp_path: Path) -> None:
         pytest.skip(str(error))
     found = find_change(listed, subject.differs, ignore)
     assert (found.before, found.after) == ("3.10.0", "3.11.0")
-    assert "no new energy_loss" in {each.name for each in subject.shown(found).findings}
+    assert "no new energy_loss" in {each.name for each in subject.report_change(found).findings}
 
 
 def test_a_test_is_bisected_to_the_release_that_changes_its_outcome(

@@ -29,7 +29,7 @@ def booked(
     work[0, acting, ACTUATORS] = by_actuators * MOST / (LAST + 1 - FIRST)
     energy = before * MOST + np.concatenate([[0.0], np.cumsum(work[0].sum(axis=1))])
     given = np.array([[FIRST, LAST, stored * MOST, 0.0]])
-    return trace_of(steps=STEPS, kinetic=energy[None, :-1], work=work, given=given)
+    return trace_of(steps=STEPS, kinetic=energy[None, :-1], work=work, constraint_gain=given)
 
 
 @pytest.mark.parametrize("pushed", [0.0, 0.25])

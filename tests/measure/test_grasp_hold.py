@@ -151,7 +151,7 @@ def test_drop_is_along_gravity_however_the_holder_is_turned(
     share = np.clip((np.arange(100) - 20) / 49, 0, 1)[:, None]
     world = np.array([0.1, 0.2, 0.3]) + share * np.array([side, 0, -sink])
     held = HeldPose((world @ matrix)[None], np.tile(quaternion, (1, 100, 1)))
-    trace = trace_of(held=held)
+    trace = trace_of(held_pose=held)
     setup = held_setup(setup_of, trace, 20 * 2e-3, 70 * 2e-3)
     assert measured(trace, setup, "hold_drop") == pytest.approx(sink, abs=2e-9)
     offset = measured(trace, setup, "hold_offset")
@@ -162,7 +162,7 @@ def test_offset_is_from_the_start_of_the_run(trace_of: Make, setup_of: Make) -> 
     place = np.zeros((1, 100, 3))
     place[0, 10:, 2] = -0.05
     still = np.tile([1.0, 0, 0, 0], (1, 100, 1))
-    trace = trace_of(held=HeldPose(place, still))
+    trace = trace_of(held_pose=HeldPose(place, still))
     setup = held_setup(setup_of, trace, 0.1, 0.2)
     assert measured(trace, setup, "hold_offset") == pytest.approx(0.05)
     assert measured(trace, setup, "hold_drop") == 0

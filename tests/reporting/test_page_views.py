@@ -181,7 +181,7 @@ def test_what_to_change_is_the_nearest_stable_run(
         page = visit(reported("bounce"), f"#run={store.columns.run_ids[row]}").page
         labels = [LABELS[each.label] for each in store.record_at(row).labels]
         names = {threshold.name for label in labels for threshold in label.thresholds}
-        stored = names & {*store.columns.measured}
+        stored = names & {*store.columns.metric_columns}
         known = [store.columns.numbers(name).values for name in stored]
         better = list[int]()
         for other in np.flatnonzero(~data.labels.failed).tolist():

@@ -152,8 +152,8 @@ def test_a_page_without_films_has_drawings_or_the_reason(
     data = read_report_data(swept("bounce"))
     films = header_films(data, None, drawn=False)
     assert films.missing == ("" if drawable else "it needs av")
-    assert [(film.label, film.moves) for film in films.drawn] == [("stable", False)] * drawable
-    for film in films.drawn:
+    assert [(film.label, film.moves) for film in films.films] == [("stable", False)] * drawable
+    for film in films.films:
         assert film.source.startswith("data:image/svg+xml;base64,")
         assert data.store.record(film.run)
     first = first_look(data)
@@ -173,13 +173,13 @@ def test_the_head_has_films_of_a_stable_and_of_the_worst_run(swept: Swept) -> No
     data = read_report_data(swept("bounce"))
     first = first_look(data)
     assert first is not None
-    stable, worst = header_films(data, first[0], drawn=True).drawn
+    stable, worst = header_films(data, first[0], drawn=True).films
     assert stable.label == "stable"
     assert (worst.run, worst.label) == first
     for film in (stable, worst):
         assert film.source.startswith("data:image/gif;base64,R0lGOD")
     none = header_films(read_report_data(swept("tradeoff")), None, drawn=False)
-    assert not none.drawn
+    assert not none.films
     assert "no trace of run" in none.missing
 
 

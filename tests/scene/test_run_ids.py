@@ -51,7 +51,7 @@ def slow_id(scene: Scene, run: RunSpec) -> str:
             for name, value in run.values.items()
             if name in base.settings or not is_as_written(base.model, name, value)
         },
-        "written_over": sorted(run.changed & base.nonuniform),
+        "written_over": sorted(run.changed_settings & base.nonuniform),
         "flags": non_default_flags(run.flags) | other_effects(base, run),
         "seed": run.seed,
         "duration": run.duration,

@@ -42,7 +42,7 @@ def test_the_subject_is_seen_from_its_holder(make_scene: Make) -> None:
     base = scene.base({})
     prepared = base.prepare({})
     rollout = roll_out([prepared.model], scene.initial_states([run]), run.steps, Buffers())
-    held = make_trace(base, [prepared], rollout).held
+    held = make_trace(base, [prepared], rollout).held_pose
     assert held is not None
     data = mujoco.MjData(prepared.model)
     for step in range(0, run.steps, 7):
@@ -59,7 +59,7 @@ def test_without_a_holder_it_is_the_world(make_scene: Make) -> None:
     run = scene.resolve({}, 0, None)
     base = scene.base({})
     rollout = roll_out([base.model], scene.initial_states([run]), 20, Buffers())
-    held = make_trace(base, [base.prepare({})], rollout).held
+    held = make_trace(base, [base.prepare({})], rollout).held_pose
     assert held is not None
     mug = 1 + int(base.model.joint("mug").qposadr[0])
     assert held.position[0] == pytest.approx(rollout.state[0, :-1, mug : mug + 3], abs=1e-12)
@@ -87,7 +87,7 @@ def test_without_a_hold_nothing_is_added(make_scene: Make) -> None:
     assert base.holding is None
     assert make_setup(base, scene.source.manifest, [run], [base.model], {}).hold is None
     rollout = roll_out([base.model], scene.initial_states([run]), 3, Buffers())
-    assert make_trace(base, [base.prepare({})], rollout).held is None
+    assert make_trace(base, [base.prepare({})], rollout).held_pose is None
 
 
 @pytest.mark.parametrize(

@@ -35,8 +35,10 @@ def test_a_baseline_has_all_but_the_traces(store: Path, tmp_path: Path) -> None:
 def test_its_columns_still_say_what_they_measure(store: Path, tmp_path: Path) -> None:
     write_baseline(store, tmp_path / "baseline")
     before, after = (Store.open(path).columns for path in (store, tmp_path / "baseline"))
-    undescribed = {name: replace(each, description="") for name, each in before.measured.items()}
-    assert after.measured == undescribed
+    undescribed = {
+        name: replace(each, description="") for name, each in before.metric_columns.items()
+    }
+    assert after.metric_columns == undescribed
     assert after.shared == before.shared
 
 

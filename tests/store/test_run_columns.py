@@ -115,7 +115,7 @@ def test_large_tables_have_no_more_row_groups_than_small_ones() -> None:
 
 
 def test_only_what_is_measured_says_which_way_is_better(store: Path) -> None:
-    measured = Store.open(store).columns.measured
+    measured = Store.open(store).columns.metric_columns
     assert {"depth", "gain", "cost_cpu_per_sim_s"} <= set(measured)
     assert not {"timestep", "seed", "label", "duration"} & set(measured)
     assert measured["cost_cpu_per_sim_s"].better == "lower"

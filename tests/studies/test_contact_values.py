@@ -43,11 +43,13 @@ def resting(softness: float = 1.0) -> RestingPair:
 def test_a_depth_is_solved_for_as_the_law_has_it(depth: float, softness: float) -> None:
     """The law of rest, at the solref that it was solved for, gives the depth back."""
     pair = resting(softness=softness)
-    solref = pair.solved({"depth_at_rest": depth, "restitution": 0.4})
+    solref = pair.solve_softness({"depth_at_rest": depth, "restitution": 0.4})
     there = replace(pair, law=replace(pair.law, solref=solref))
     assert there.expected_depth == pytest.approx(depth, rel=1e-9)
     assert float(restitution_from_damping(damping_ratio(solref))) == pytest.approx(0.4, rel=1e-9)
-    assert pair.solved({"stiffness": 20 / depth, "restitution": 0.4}) == pytest.approx(solref)
+    assert pair.solve_softness({"stiffness": 20 / depth, "restitution": 0.4}) == pytest.approx(
+        solref
+    )
 
 
 @pytest.mark.long
@@ -181,7 +183,7 @@ def test_what_is_no_amount_is_refused(words: dict[str, str], message: str) -> No
 
 def test_a_depth_beyond_the_geom_is_refused() -> None:
     with pytest.raises(SceneError, match="60 mm is deeper than the smaller geom"):
-        resting().solved({"depth_at_rest": 0.06})
+        resting().solve_softness({"depth_at_rest": 0.06})
 
 
 @pytest.mark.parametrize("words", [["nothing"], ["solref=0.005 1"], ["box_slide"]])

@@ -49,7 +49,7 @@ def changes_of(
     def labelled(values: Any, _file: Path | None = None) -> Iterator[Sequence[RunLabel]]:
         yield () if any(name.startswith(tuple(keeps)) for name in values) else (label,)
 
-    trial = Trial(requested=requested, workers=1, left=lambda: left(motions))
+    trial = Trial(requested=requested, workers=1, find_time_left=lambda: left(motions))
     verdict: Any = Verdict(word, 100.0, ())  # pyright: ignore[reportArgumentType]
     return FixSearch(scene, {}, motions, verdict, trial, TaskRepeats(moved, labelled, (label,)))
 

@@ -27,7 +27,7 @@ def test_a_body_falls_through_a_floor_that_masks_open(
     flag: str, floor: str, box: str, opened: tuple[tuple[str, str, int], ...] | None
 ) -> None:
     fall = find_masked_fall(motion_of(SCENE.format(flag=flag, floor=floor, box=box), 1.0))
-    assert (None if fall is None else fall.opened) == opened
+    assert (None if fall is None else fall.widened_masks) == opened
     assert fall is None or fall.sentence.startswith("box falls through floor: ")
 
 

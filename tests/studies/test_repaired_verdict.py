@@ -36,7 +36,7 @@ LIMP = """<robot name="limp">
 
 
 def test_a_fault_that_is_left_fails_whatever_the_runs_say() -> None:
-    examined: Any = SimpleNamespace(judged=Verdict("ok", 0.1, ()))
+    examined: Any = SimpleNamespace(budget_verdict=Verdict("ok", 0.1, ()))
     assert RepairedModel(examined, ()).word == "ok"
     assert RepairedModel(examined, (), faults=(FAULT,)).word == "fails"
     assert RepairedModel(examined, (), failed_checks=("impossible_bodies",)).word == "fails"
@@ -52,8 +52,8 @@ def test_a_repair_of_another_rule_or_of_the_start_repairs_no_fault_of_the_file()
 
 def test_an_edit_of_the_file_that_ends_all_complaints_counts_whatever_they_hid() -> None:
     """An object inside its jaws does not creep; one that they hold does."""
-    sunk: Any = SimpleNamespace(judged=Verdict("inaccurate", 0.2, ()))
-    held: Any = SimpleNamespace(judged=Verdict("ok", 0.01, ()))
+    sunk: Any = SimpleNamespace(budget_verdict=Verdict("inaccurate", 0.2, ()))
+    held: Any = SimpleNamespace(budget_verdict=Verdict("ok", 0.01, ()))
     names = ("tunneling", "creep")
     tunneling, creep = (SimpleNamespace(label=name) for name in names)
     labels: Any = {"before": (tunneling,), "after": (creep,), "both": (creep, tunneling)}

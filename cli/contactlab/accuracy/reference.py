@@ -121,7 +121,9 @@ def with_reference_numerics(run: RunSpec, integrator: str, timestep: float) -> R
     settings = Settings({name: chosen.get(name, value) for name, value in run.settings.items()})
     flags = {name: bool(chosen.get(name, state)) for name, state in run.flags.items()}
     written = {name for name in chosen if name in settings or name in flags}
-    return replace(run, settings=settings, flags=flags, changed=run.changed | written)
+    return replace(
+        run, settings=settings, flags=flags, changed_settings=run.changed_settings | written
+    )
 
 
 # At equal timesteps RK4 is closest to the limit, by many orders of magnitude for smooth motion. As

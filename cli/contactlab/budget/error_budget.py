@@ -53,7 +53,7 @@ def error_budget(
         phases.append(measure.budget())
         runs.append(measure.run)
     budget = ErrorBudget(tuple(phases))
-    if not settings.timed:
+    if not settings.measures_time:
         return budget
     timed = map(partial(_time_rows, budget, wanted), motions, runs, phases)
     return ErrorBudget(tuple(timed))
@@ -72,7 +72,7 @@ def _time_rows(
     made = {
         row.name: (partial(change_model, row), 1)
         for row in rows
-        if row.timed and row.name in loaded
+        if row.has_time and row.name in loaded
         if (worst := budget.worst(row.name)) and worst[0] is phase
     }
     if not made:

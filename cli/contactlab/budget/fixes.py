@@ -261,22 +261,22 @@ class Trial:
 
     Attributes:
         settings: how budgets are measured.
-        moved: motions of the changed model, in groups that are judged alone, such as those of
-            other seeds; the worst counts. By default the same starts and inputs.
+        list_motions: motions of the changed model, in groups that are judged alone, such as those
+            of other seeds; the worst counts. By default the same starts and inputs.
         most: number of fixes that are enough; all candidates are tried if None.
         requested: `--apply` names of candidates that are tried in any case.
         workers: threads; one for each processor if None.
-        left: returns the counted time that trials may still take [s]. A trial that would take more
-            is skipped or cut short, unless it was requested.
+        find_time_left: returns the counted time that trials may still take [s]. A trial that would
+            take more is skipped or cut short, unless it was requested.
         finds_harm: returns whether the loads of a verification reject a candidate with its edits.
     """
 
     settings: Settings = SETTINGS
-    moved: Callable[[Candidate], Iterable[Sequence[Motion]]] | None = None
+    list_motions: Callable[[Candidate], Iterable[Sequence[Motion]]] | None = None
     most: int | None = None
     requested: Sequence[str] = ()
     workers: int | None = None
-    left: Callable[[], float] = lambda: math.inf
+    find_time_left: Callable[[], float] = lambda: math.inf
     finds_harm: Callable[[Candidate, ModelEdits], bool] = lambda _candidate, _edits: False
 
 
@@ -330,7 +330,7 @@ def try_fixes(
         candidate = possible.pop(0)
         own = apart_of.get(candidate.name, math.nan)
         if candidate.apply and candidate.apply in trial.requested:
-            alone = replace(trial, left=TRIAL.left, finds_harm=TRIAL.finds_harm)
+            alone = replace(trial, find_time_left=TRIAL.find_time_left, finds_harm=TRIAL.finds_harm)
             tried.append(judged._replace(trial=alone).judge_fix(candidate, before, own))
             continue
         removing = [fix for fix in tried if fix.removes or fix.harms]
@@ -437,7 +437,7 @@ class _FixJudge(NamedTuple):
 
     def _can_afford(self, steps: float) -> bool:
         """Return whether there is time for a number of steps of the model."""
-        return steps * self.pace <= self.trial.left()
+        return steps * self.pace <= self.trial.find_time_left()
 
     def not_ended(self, candidate: Candidate) -> TriedFix:
         """Return a fix whose trial ran out of time."""
@@ -521,7 +521,7 @@ class _FixJudge(NamedTuple):
         options = options_changed(first.model, changed_model(first.model, candidate))
         edits = replace(candidate.edits, settings={**options, **candidate.edits.settings})
         if not candidate.must_come_nearer or math.isinf(before) or apart < enough:
-            steps = steps_of(self.motions) * candidate.rate * (2 if self.trial.moved else 1)
+            steps = steps_of(self.motions) * candidate.rate * (2 if self.trial.list_motions else 1)
             for place, (motions, is_new) in enumerate(self._change_motions_by_group(candidate)):
                 settings = repeated if is_new and sound else self._trial_settings
                 looked = self._look_first(motions, settings)
@@ -575,7 +575,7 @@ class _FixJudge(NamedTuple):
 
         Phases that failed come first.
         """
-        moved = self.trial.moved or self._change_motions
+        moved = self.trial.list_motions or self._change_motions
         for place, group in enumerate(moved(candidate)):
             if place:
                 yield group, True

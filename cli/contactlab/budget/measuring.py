@@ -70,7 +70,8 @@ class Settings:
         energy: whether a second reference, with RK4, shows energy that both lose.
         places: whether it is looked for where forces differ most.
         excess: whether the run's own path is measured; if not, its excess and its peak are NaN.
-        timed: whether the change of each row is timed, in the phase with its largest reading.
+        measures_time: whether the change of each row is timed, in the phase with its largest
+            reading.
         workers: threads.
     """
 
@@ -80,7 +81,7 @@ class Settings:
     energy: bool = True
     places: bool = True
     excess: bool = True
-    timed: bool = False
+    measures_time: bool = False
     workers: int = 1
 
 
@@ -516,7 +517,7 @@ class PhaseMeasure:
     def _measure_speeds(self, warning: EngineWarning) -> Floats:
         """Return (B,) speeds in the last state before a warning; 0 where one is not finite."""
         run, begin = self.run, int(self.run.begins[warning.window])
-        kept = run.kept[warning.seed, begin : begin + run.steps]
+        kept = run.velocity_states[warning.seed, begin : begin + run.steps]
         with np.errstate(invalid="ignore", over="ignore"):
             speeds = np.linalg.norm(self._observer(kept)[0], axis=-1)
         whole = np.isfinite(speeds).all(axis=1)

@@ -84,7 +84,7 @@ class Motion:
             return None
         return self.inputs[seed, np.minimum(steps, self.steps - 1)]
 
-    def given(self, bit: int) -> Floats:
+    def state_part(self, bit: int) -> Floats:
         """Return (S, N, width) what each step is given of one part of the state, such as forces."""
         width = mujoco.mj_stateSize(self.model, bit)
         rows, spec = self.inputs, self.spec
@@ -101,8 +101,8 @@ def pulls(motion: Motion, gravity: Floats) -> Floats:
     A weight may be written as gravity (3,) [m/s^2], or as forces on bodies or free joints.
     """
     model, shape = motion.model, (motion.seeds, motion.steps)
-    forces = motion.given(_BODY_FORCES).reshape(*shape, model.nbody, 6)[..., :3].copy()
-    of_joints = motion.given(_JOINT_FORCES)
+    forces = motion.state_part(_BODY_FORCES).reshape(*shape, model.nbody, 6)[..., :3].copy()
+    of_joints = motion.state_part(_JOINT_FORCES)
     for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
         dof = model.jnt_dofadr[joint]
         forces[..., model.jnt_bodyid[joint], :] += of_joints[..., dof : dof + 3]

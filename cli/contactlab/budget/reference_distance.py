@@ -103,6 +103,6 @@ def _finest_run(motion: Motion, model: mujoco.MjModel, settings: Settings, fines
     step = model.opt.timestep * finest
     steps = min(motion.steps, max(1, round(settings.window / step)))
     fine = replay(refine_motion(motion, model, finest), steps * step, settings.workers)
-    kept = fine.kept[:, ::finest]
+    kept = fine.velocity_states[:, ::finest]
     kept = np.concatenate([kept, kept[:, -1:]], axis=1)
     return Run(steps, fine.begins // finest, fine.starts, kept, fine.valid, ())

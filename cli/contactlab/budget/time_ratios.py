@@ -57,18 +57,18 @@ def _repeat_places(valid: np.ndarray, seconds: float) -> np.ndarray:
     return np.resize(valid[places], (max(count, len(places)), 2))
 
 
-class _Timed(NamedTuple):
+class _TimedBatch(NamedTuple):
     """A batch, which has a copy of its model, the states that it begins in, and its inputs."""
 
     batch: Batch
     starts: Floats
     steps: int
-    given: dict[str, Any]
+    inputs: dict[str, Any]
 
     def seconds(self) -> float:
         """Return its thread time [s]."""
         self.batch.state[:] = self.starts
-        return stopwatch(lambda: self.batch.rollout(self.steps, record=[], **self.given))()
+        return stopwatch(lambda: self.batch.rollout(self.steps, record=[], **self.inputs))()
 
 
 class _Stretches(NamedTuple):
@@ -78,7 +78,7 @@ class _Stretches(NamedTuple):
     run: Run
     steps: int
 
-    def ready(self, model: mujoco.MjModel, rate: int, which: np.ndarray) -> _Timed:
+    def ready(self, model: mujoco.MjModel, rate: int, which: np.ndarray) -> _TimedBatch:
         """Return a model to be timed from (M, 2) seeds and windows."""
         seeds, windows = which.T
         starts = self.run.starts[seeds, windows]
@@ -88,4 +88,4 @@ class _Stretches(NamedTuple):
         if rows[0] is not None:
             inputs = np.stack([row for row in rows if row is not None]).repeat(rate, axis=1)
             given = {"control": inputs, "control_spec": self.motion.spec}
-        return _Timed(start_rows(model, starts, 1), starts, self.steps * rate, given)
+        return _TimedBatch(start_rows(model, starts, 1), starts, self.steps * rate, given)

@@ -120,8 +120,8 @@ class Run:
         begins: (W,) step at which each begins. They are contiguous, but for the last, which begins
             earlier where the number of steps is no multiple of n.
         starts: (S, W, nstate) states of mjSTATE_INTEGRATION there.
-        kept: (S, N + 2, kept) the parts of states that velocities depend on, before each step,
-            after the last, and after one more.
+        velocity_states: (S, N + 2, kept) the parts of states that velocities depend on, before each
+            step, after the last, and after one more.
         valid: (S, W) whether the engine came through a window, and through all before it.
         warnings: of the engine.
     """
@@ -129,7 +129,7 @@ class Run:
     steps: int
     begins: np.ndarray
     starts: Floats
-    kept: Floats
+    velocity_states: Floats
     valid: np.ndarray
     warnings: tuple[EngineWarning, ...]
 
@@ -264,7 +264,7 @@ class Windows:
         )
         self.own = np.stack(
             [
-                run.kept[s, b : b + run.steps + 2]
+                run.velocity_states[s, b : b + run.steps + 2]
                 for s, b in zip(seed, run.begins[window], strict=True)
             ]
         )
@@ -398,6 +398,8 @@ def usual_changes(motions: Sequence[Motion]) -> Floats:
 
 def changes_of(runs: Sequence[Run], observer: Observer) -> Floats:
     """Return (B,) by how much velocities change in a step [m/s], on the mean, until all end."""
-    whole = [kept[np.isfinite(kept).all(axis=1)] for run in runs for kept in run.kept[:, :-1]]
+    whole = [
+        kept[np.isfinite(kept).all(axis=1)] for run in runs for kept in run.velocity_states[:, :-1]
+    ]
     lengths = [paths(observer(kept)[0][None])[0] for kept in whole]
     return np.sum(lengths, axis=0) / max(1, sum(len(kept) - 1 for kept in whole))

@@ -75,7 +75,7 @@ class Surroundings:
     def show_steps(self, nested: Sequence[StepCount]) -> None:
         """Follow counted work; steps between runs are not reported."""
         if self._progress is not None and not self._counts_runs:
-            self._progress(round(nested[0].done), round(nested[0].total))
+            self._progress(round(nested[0].finished_steps), round(nested[0].total))
 
 
 _PYTHON = Surroundings()

@@ -96,5 +96,5 @@ def bisect(
     else:
         subject.begin(good, bad)
         found = bisection.find_change(listed, subject.differs, say)
-    comparison = None if is_test else subject.shown(found)
+    comparison = None if is_test else subject.report_change(found)
     return Bisection(**dict(found), comparison=comparison, folder=place)

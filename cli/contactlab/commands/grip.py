@@ -88,7 +88,7 @@ def grip(
                 raise OutputError(f"{output} is a folder; write the name of a file, such as a.json")
     request = GripRequest(
         model=str(model),
-        held=object,
+        held_body=object,
         keyframe=keyframe,
         squeeze=squeeze,
         base=base,

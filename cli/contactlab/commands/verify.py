@@ -123,7 +123,7 @@ def verify(
         unverified=tuple(left),
         runs=opened.manifest.runs,
         simulated=again.simulated,
-        simulation_asked=again.asked,
+        simulation_asked=again.requested_runs,
         traces=opened.manifest.traces,
         traces_left_out=opened.manifest.traces_left_out,
         digest=opened.digest,

@@ -101,7 +101,9 @@ def compare(
     pairing = pair_runs(before, after, policy)
     policy = choose_judge(before, after, len(pairing.baseline), policy)
     paired = PairedStores(before, after, pairing, policy, today or date.today())  # noqa: DTZ011
-    check_names(policy, {**before.columns.measured, **after.columns.measured}, paired.ranks)
+    check_names(
+        policy, {**before.columns.metric_columns, **after.columns.metric_columns}, paired.ranks
+    )
     third = _open_store("control", control, thorough=thorough) if control else None
     # Make every check, and draw the conclusion of all.
     gated = _select_judged(paired)
@@ -220,7 +222,7 @@ def choose_judge(
     """
     judge = policy.judge
     if judge == "auto":
-        metrics = len({**baseline.columns.measured, **candidate.columns.measured})
+        metrics = len({**baseline.columns.metric_columns, **candidate.columns.metric_columns})
         changed = find_difference(baseline, candidate, "scene_hash") is not None
         judge = "spread" if changed and pairs >= pairs_to_tell(metrics) else "each"
     return policy.model_copy(update={"judge": judge})

@@ -22,8 +22,8 @@ def judged_share_check(paired: PairedStores, gated: PairedStores) -> Finding:
     subject = Subject("enough is judged", "runs", "gate")
     pairs, runs = len(paired.pairing.baseline), paired.candidate.columns.runs
     apart = pairs - len(gated.pairing.baseline)
-    metrics = [*paired.candidate.columns.measured]
-    known = paired.baseline.columns.measured
+    metrics = [*paired.candidate.columns.metric_columns]
+    known = paired.baseline.columns.metric_columns
     unknown = sum(name not in known for name in metrics)
     counted = (
         (len(paired.pairing.new), runs, "run", "of the candidate not in the baseline"),

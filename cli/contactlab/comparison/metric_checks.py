@@ -47,14 +47,14 @@ _WORDS: Mapping[Verdict, str] = {
 
 def metric_checks(paired: PairedStores) -> Iterator[Finding]:
     """Yield the checks of every metric that the baseline or the candidate has."""
-    measured = {**paired.candidate.columns.measured, **paired.baseline.columns.measured}
+    measured = {**paired.candidate.columns.metric_columns, **paired.baseline.columns.metric_columns}
     versions = paired.baseline.manifest.sweep.metric_versions
     for metric in measured.values():
         rule = effective_rule(metric, paired.policy)
         reason = explain_incomparable(paired, metric, rule)
         columns = None if reason else paired.read_numbers(metric.name)
         # A table that lacks a metric which its sweep measured was edited.
-        is_known = metric.name in {*paired.baseline.columns.measured, *versions}
+        is_known = metric.name in {*paired.baseline.columns.metric_columns, *versions}
         exempt = paired.half_checked & metric.second_pass
         for group, member in group_pairs(paired.baseline, paired.pairing, rule.by):
             subject = Subject(
@@ -80,7 +80,7 @@ def metric_checks(paired: PairedStores) -> Iterator[Finding]:
 
 def explain_incomparable(paired: PairedStores, metric: Column, rule: EffectiveRule) -> str | None:
     """Return why a metric cannot be compared at all; None if it can."""
-    if metric.name not in paired.baseline.columns.measured:
+    if metric.name not in paired.baseline.columns.metric_columns:
         return "the baseline was made before there was this metric"
     versions = [store.manifest.sweep.metric_versions for store, _ in paired.sides]
     before, after = (version.get(metric.name) for version in versions)
@@ -138,7 +138,7 @@ class MetricPairs:
         shown = shown if len(shown) else np.flatnonzero(verdicts)
         baseline, candidate = self.baseline.values[shown], self.candidate.values[shown]
         with np.errstate(all="ignore"):
-            excess = np.abs(candidate - baseline) / rule.limit.allowed(baseline)
+            excess = np.abs(candidate - baseline) / rule.limit.allow_change(baseline)
         # Changes of more than half this number of tolerances are not ordered among each other.
         most_tolerances = 1e6
         # Less than 1, so that it only orders pairs of equal verdict.
@@ -162,7 +162,7 @@ def judge_changes(rule: EffectiveRule, baseline: Floats, candidate: Floats) -> V
     for start in range(0, len(baseline), at_once):
         part = slice(start, start + at_once)
         change = sign[rule.better] * (candidate[part] - baseline[part])
-        beyond = np.abs(change) > rule.limit.allowed(baseline[part])
+        beyond = np.abs(change) > rule.limit.allow_change(baseline[part])
         worse = CHANGED if rule.better == "none" else np.where(change > 0, WORSE, BETTER)
         verdicts[part] = np.where(beyond, worse, SAME)
     return verdicts

@@ -109,7 +109,7 @@ class PairLabels:
     gained: NDArray[np.int64]
     """(n,) bit i is set if label i of `ranks` is new; of `lost` if it is gone."""
     lost: NDArray[np.int64]
-    allowed: Mask  # (n,) whether the policy allows the change
+    is_allowed: Mask  # (n,) whether the policy allows the change
     notes: dict[str, str]  # why allowed transitions do not apply, by label
 
     @classmethod
@@ -131,7 +131,7 @@ class PairLabels:
         return cls(paired, before, after, gained, lost, allowed, notes)
 
     @cached_property
-    def changed(self) -> int:
+    def find_changed_labels(self) -> int:
         """Bit i is set if label i of `ranks` is new, or gone, in any pair."""
         return int(np.bitwise_or.reduce(self.gained) | np.bitwise_or.reduce(self.lost))
 
@@ -177,12 +177,12 @@ def label_checks(labels: PairLabels) -> Iterator[Finding]:
 
 
 def _label_check(labels: PairLabels, subject: Subject, rank: int, members: Rows) -> Finding:
-    if not labels.changed >> rank & 1:
+    if not labels.find_changed_labels >> rank & 1:
         unchanged = np.full(len(members), SAME, dtype=np.int8)
         return subject.finding(unchanged, f"none in {plural(len(members))}")
     gained = labels.gained[members] >> rank & 1 == 1
     lost = labels.lost[members] >> rank & 1 == 1
-    allowed, of_pair = labels.allowed[members], labels.verdicts[members]
+    allowed, of_pair = labels.is_allowed[members], labels.verdicts[members]
     verdicts = np.full(len(members), SAME, dtype=np.int8)
     verdicts[lost & (of_pair == BETTER)] = BETTER
     verdicts[gained & ((of_pair != WORSE) | allowed)] = CHANGED

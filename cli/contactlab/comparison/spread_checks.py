@@ -43,7 +43,7 @@ def spread_label_checks(labels: PairLabels) -> Iterator[Finding]:
     paired, rules = labels.paired, labels.paired.policy.labels
     groups = list(group_pairs(paired.baseline, paired.pairing, rules.by))
     for rank, label in enumerate(paired.ranks[:-1]):
-        gained = (labels.gained >> rank & 1 == 1) & ~labels.allowed
+        gained = (labels.gained >> rank & 1 == 1) & ~labels.is_allowed
         lost = labels.lost >> rank & 1 == 1
         for group, member in groups:
             subject = Subject(f"no more {label}", "labels", rules.level, group)
@@ -76,7 +76,7 @@ def _share_finding(subject: Subject, gained: Mask, lost: Mask, pairs: int, word:
 
 def spread_metric_checks(paired: PairedStores) -> Iterator[Finding]:
     """Yield for every metric and group whether most runs are worse, beyond chance and tolerance."""
-    measured = {**paired.candidate.columns.measured, **paired.baseline.columns.measured}
+    measured = {**paired.candidate.columns.metric_columns, **paired.baseline.columns.metric_columns}
     valued = sum(paired.read_numbers(name)[1].valid.any() for name in measured)
     sure = _sure_of_each(int(valued))
     for metric in measured.values():
@@ -159,7 +159,7 @@ def _find_changes(rule: EffectiveRule, before: Floats, after: Floats) -> tuple[F
         change = np.where(before == after, 0.0, after - before)
         size = np.where(before == 0, np.abs(after), np.abs(before))
         shares = np.where(change == 0, 0.0, change / size)
-        tolerances = sign * change / rule.limit.allowed(before)
+        tolerances = sign * change / rule.limit.allow_change(before)
     lost, known = ~np.isfinite(after), np.isfinite(before)
     tolerances = np.where(lost & known, np.inf, np.where(~lost & ~known, -np.inf, tolerances))
     return np.nan_to_num(tolerances, nan=0.0, posinf=np.inf, neginf=-np.inf), np.nan_to_num(shares)

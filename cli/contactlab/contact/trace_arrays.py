@@ -170,7 +170,7 @@ class EngineOutputs:
     work: Floats | None = None
     """(n, N, 3) work in each step [J] of actuators, of constraints, and of all other forces except
     gravity and springs; NaN if unknown."""
-    given: Floats | None = None
+    constraint_gain: Floats | None = None
     """(n, 4) the stretch of steps when constraints gave most energy: the first, the last, their
     stored energy before it [J], and that of all except contacts at the start [J]."""
     sleeper: Floats | None = None
@@ -202,7 +202,7 @@ class Trace(EngineOutputs):
     """(n, N, 3) about the center of mass [kg m^2/s], or None likewise."""
     pairs: tuple[PairTrace, ...]  # the monitored contact pairs
     warnings: tuple[dict[str, int], ...]  # for each run, engine warnings by name with their counts
-    held: HeldPose | None = None
+    held_pose: HeldPose | None = None
     """Pose of the subject relative to its holder, or None if nothing should be held."""
     forces: Floats | None = None
     """(n, N, nu) force of each actuator, or None if not recorded, like the next."""
@@ -236,8 +236,8 @@ class Trace(EngineOutputs):
             PairTrace(pair.name, slots[id(pair.slots)], read_only(pair.friction))
             for pair in self.pairs
         )
-        held = self.held and HeldPose(*map(read_only, vars(self.held).values()))
-        return replace(self, pairs=pairs, held=held, **arrays)
+        held = self.held_pose and HeldPose(*map(read_only, vars(self.held_pose).values()))
+        return replace(self, pairs=pairs, held_pose=held, **arrays)
 
     def select(self, runs: Sequence[int], steps: int | None = None) -> "Trace":
         """Return the given runs, cut to their first `steps` steps; views where NumPy allows."""
@@ -249,7 +249,7 @@ class Trace(EngineOutputs):
         ends: dict[str, int | None] = dict.fromkeys(_RUN_ARRAYS)
         ends |= dict.fromkeys(_STATE_ARRAYS, steps + 1) | dict.fromkeys(_STEP_ARRAYS, steps)
         arrays = {name: getattr(self, name) for name in ends}
-        held = self.held
+        held = self.held_pose
         return replace(
             self,
             timestep=self.timestep[index],

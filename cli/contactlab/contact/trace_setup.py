@@ -62,7 +62,7 @@ class ExpectedContact:
     window: Floats  # (n, 2) start and end [s]; NaN in runs without the requirement
     word: ContactWord  # required behavior whenever they touch
     end: End | None = None  # the contact that it refers to: each pair's first or last
-    timed: bool = False  # whether times are given; between them, the pairs should always touch
+    has_times: bool = False  # whether times are given; between them, the pairs should always touch
     force: tuple[float, float] = (-np.inf, np.inf)
     """Least and greatest sum of their normal forces [N]."""
     depth: float = np.inf  # greatest penetration [m]

@@ -277,7 +277,7 @@ class SimulationEngine(ABC):
         their sweep sets an axis that the engine ignores.
         """
         ignored = self.ignored(run)
-        for name in sorted(run.changed & ignored.keys()):
+        for name in sorted(run.changed_settings & ignored.keys()):
             return (
                 f"the {self.name} engine ignores {name}, which is set here: {ignored[name]}; "
                 f"remove {name}"

@@ -199,7 +199,7 @@ class Recorder:
         rollout = replace(rollout, passages=tuple(self._passages.found[:count]))
         if books.work is None or books.given is None:
             return rollout
-        return replace(rollout, work=books.work[:count], given=books.given[:count])
+        return replace(rollout, work=books.work[:count], constraint_gain=books.given[:count])
 
 
 def record_starts(starts: InitialStates, arrays: RolloutArrays) -> None:

@@ -25,7 +25,7 @@ class Limit:
         level: effect on the job if the limit is exceeded.
         value: the limit, in that unit.
         strict: whether a value equal to the limit exceeds it.
-        shown: the factor and the unit for output.
+        printed_unit: the factor and the unit for output.
         exceeded: sentence for a value beyond it, with {} for the value; otherwise its name.
         relative: further change that is allowed, as a share of the reference.
     """
@@ -35,17 +35,17 @@ class Limit:
     level: Level = "gate"
     value: float | None = None
     strict: bool = False
-    shown: tuple[float, str] = (1.0, "")
+    printed_unit: tuple[float, str] = (1.0, "")
     exceeded: str = ""
     relative: float = 0.0
 
     @overload
-    def allowed(self, reference: float) -> float: ...
+    def allow_change(self, reference: float) -> float: ...
 
     @overload
-    def allowed(self, reference: NDArray[np.float64]) -> NDArray[np.float64]: ...
+    def allow_change(self, reference: NDArray[np.float64]) -> NDArray[np.float64]: ...
 
-    def allowed(self, reference: float | NDArray[np.float64]) -> float | NDArray[np.float64]:
+    def allow_change(self, reference: float | NDArray[np.float64]) -> float | NDArray[np.float64]:
         """Return the allowed change of references: `value + relative |reference|`."""
         return (self.value or 0.0) + self.relative * abs(reference)
 
@@ -68,7 +68,7 @@ class Limit:
 
     def sentence(self, measure: Measure) -> str:
         """Return a measure as text: `slip 0.2 mm (floor-foot, limit 0.1 mm)`."""
-        factor, unit = self.shown
+        factor, unit = self.printed_unit
         unit = unit or ("" if measure.unit == "1" else f" {measure.unit}")
         value = "not measured" if measure.value is None else f"{measure.value * factor:.3g}{unit}"
         of = f"{measure.of}, " if measure.of else ""

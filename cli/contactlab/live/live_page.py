@@ -281,8 +281,13 @@ def _switch_entry(switch: Switch, run: Variant) -> dict[str, Any] | None:
         fields := model_changes(run.model, switch.variant.model)
     ):
         return None
-    words = {name: visible(getattr(switch, name)) for name in ("kind", "name", "summary", "told")}
-    return {**words, "fields": fields, "steps": switch.variant.steps}
+    words = {name: visible(getattr(switch, name)) for name in ("kind", "name", "summary")}
+    return {
+        **words,
+        "told": visible(switch.finding),
+        "fields": fields,
+        "steps": switch.variant.steps,
+    }
 
 
 def signals_of(signals: Signals) -> tuple[np.ndarray, ...]:

@@ -60,7 +60,7 @@ class Switch:
     kind: str
     name: str
     summary: str
-    told: str
+    finding: str
     variant: Variant
 
 

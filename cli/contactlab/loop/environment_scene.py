@@ -146,9 +146,9 @@ class Environment:
                 "an environment takes actions of a policy, or of its own action_space; write "
                 "`drive: {policy: FILE.py:CLASS}`, or remove `drive`"
             )
-        for name in (*sorted(run.changed & {*START_SETTINGS}), *run.initial):
+        for name in (*sorted(run.changed_settings & {*START_SETTINGS}), *run.initial):
             return f"{name}: reset(seed=...) sets the start of an environment; remove {name}"
-        for name in sorted(run.changed & run.without):
+        for name in sorted(run.changed_settings & run.without):
             return f"{name}: the model of an environment is already compiled; remove {name}"
         return None
 

@@ -35,7 +35,7 @@ class Episode(NamedTuple):
 
     plan: PlannedModel
     rollout: Rollout
-    known: Mapping[str, object]
+    given_metrics: Mapping[str, object]
     started: str
     extra_fields: Mapping[str, object]
 

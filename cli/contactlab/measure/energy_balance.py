@@ -93,18 +93,23 @@ def constraint_gain(context: Context) -> Floats:
     constraints.
     """
     trace = context.trace
-    if trace.given is None or trace.work is None:
+    if trace.constraint_gain is None or trace.work is None:
         return context.undefined()
     runs, last = np.arange(trace.runs), context.trace.steps - 1
-    stretch = np.minimum(np.nan_to_num(trace.given[:, :2]), last)
+    stretch = np.minimum(np.nan_to_num(trace.constraint_gain[:, :2]), last)
     first, end = stretch.astype(np.intp).T
     after = np.minimum(end + 1, last)
     risen = energy(context)[runs, after] - energy(context)[runs, first]
     done = np.concatenate([np.zeros((trace.runs, 1, 3)), np.cumsum(trace.work, axis=1)], axis=1)
     given = done[runs, end + 1] - done[runs, first]
     others = given[:, ACTUATORS] + given[:, OTHERS]
-    held = np.minimum(given[:, CONSTRAINTS], risen - np.maximum(others, 0)) - trace.given[:, 2]
-    return np.where(trace.given[:, 2] > 0, held, given[:, CONSTRAINTS]) / _energy_scale(context)
+    held = (
+        np.minimum(given[:, CONSTRAINTS], risen - np.maximum(others, 0))
+        - trace.constraint_gain[:, 2]
+    )
+    return np.where(trace.constraint_gain[:, 2] > 0, held, given[:, CONSTRAINTS]) / _energy_scale(
+        context
+    )
 
 
 @cached
@@ -152,7 +157,7 @@ def energy_loss(runs: MeasuredRuns) -> OnsetIterator:
 )
 def generous_constraints(runs: MeasuredRuns) -> OnsetIterator:
     """Contacts, limits or equalities gave more energy than they stored, unlike in their model."""
-    given, unresolved = runs.context.trace.given, unresolved_runs(runs.context)
+    given, unresolved = runs.context.trace.constraint_gain, unresolved_runs(runs.context)
     for run, gain, limit in runs.over("constraint_gain", TOLERANCE.name):
         if run in unresolved:
             share = readable_fraction(gain)

@@ -96,7 +96,7 @@ def _hold_slips(context: Context) -> Floats:
 @metric("m", resolution=1e-9)
 def hold_drop(context: Context) -> Floats:
     """Distance that the subject sinks from its holder in the hold window; negative if it rises."""
-    held, inside = context.trace.held, hold_window(context)
+    held, inside = context.trace.held_pose, hold_window(context)
     if held is None:
         return context.undefined()
     run = np.arange(context.trace.runs)
@@ -111,7 +111,7 @@ def hold_drop(context: Context) -> Floats:
 @metric("m", "lower", 1e-9)
 def hold_offset(context: Context) -> Floats:
     """Farthest distance of the subject in the hold window from its first position in its holder."""
-    held, inside = context.trace.held, hold_window(context)
+    held, inside = context.trace.held_pose, hold_window(context)
     if held is None:
         return context.undefined()
     farthest = np.where(inside, _hold_offsets(held), 0).max(axis=1)
@@ -175,7 +175,7 @@ def broken(runs: MeasuredRuns) -> OnsetIterator:
 )
 def slipping(runs: MeasuredRuns) -> OnsetIterator:
     """A body that should be held slips, leaves its place, or carries no force."""
-    window, held = hold_window(runs.context), runs.context.trace.held
+    window, held = hold_window(runs.context), runs.context.trace.held_pose
     share, seconds = runs.metrics["hold_contact"], hold_seconds(runs.context)
     for run in runs_where(share < runs.limits["hold_contact"]):
         reason = f"no contact carried force in {1 - share[run]:.0%} of the hold time"

@@ -341,7 +341,7 @@ def _stored_at_start(context: Context) -> Floats:
     start_depth_share = 0.1
     most, given = (
         start_depth_share * context.setup.moving_mass * gravity(context),
-        context.trace.given,
+        context.trace.constraint_gain,
     )
     stored = np.zeros(context.trace.runs) if given is None else np.nan_to_num(given[:, 3])
     # Pairs without contact at the start store nothing, unless their force at the end is NaN.

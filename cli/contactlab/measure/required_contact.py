@@ -117,7 +117,7 @@ class _RequiredStretch:
     def untouched(self) -> Mask:
         """(N,) whether none of the pairs touches although one must."""
         must = self.expected.word in _REQUIRED_VERBS or self.expected.force[0] > 0
-        must &= self.expected.timed or not self.touching.any()
+        must &= self.expected.has_times or not self.touching.any()
         return self.inside & ~self.touching & must
 
     def pressed(self, row: int) -> Mask:
@@ -137,7 +137,7 @@ class _RequiredStretch:
         """
         series = self.context.net.series.normal
         total = np.sum([series[row, self.run] for _, row in self.pairs], axis=0)
-        judged = self.inside if self.expected.timed else self.touching
+        judged = self.inside if self.expected.has_times else self.touching
         means, found = np.full(len(total), np.nan), find_spans(judged[None])
         for start, stop in zip(found.start.tolist(), found.stop.tolist(), strict=True):
             # All of a shorter stretch.

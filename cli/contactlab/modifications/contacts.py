@@ -519,7 +519,7 @@ MODIFICATIONS = (
                 (scale_friction(1.1), scale_friction(0.9)),
                 has_condim_above(NO_FRICTION),
                 has_friction,
-                timed=False,
+                has_time=False,
             ),
         ),
         grip_fixes=(

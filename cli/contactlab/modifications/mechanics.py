@@ -365,7 +365,7 @@ MODIFICATIONS = (
                 "all masses + 5 % and - 5 %",
                 "unknown",
                 (scale_masses(1.05), scale_masses(0.95)),
-                timed=False,
+                has_time=False,
             ),
         ),
         variants=(

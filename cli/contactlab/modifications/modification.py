@@ -54,7 +54,7 @@ class Row:
             solver, or of the run.
         against: the settings to compare with: one of these.
         both: a change of both sides that comes first, if any.
-        timed: whether the change could be made in the model's own settings.
+        has_time: whether the change could be made in the model's own settings.
         subject: the modeling choice, as in "depends on the friction cone".
         alternative: the change, as in "an elliptic cone changes thigh's motion".
         cause: a sentence for a numerical error that this row alone causes.
@@ -69,7 +69,7 @@ class Row:
     base: Literal["run", "step", "reference"] = "reference"
     against: Literal["run", "step", "reference"] = "reference"
     both: ModelChange | None = None
-    timed: bool = True
+    has_time: bool = True
     subject: str = ""
     alternative: str = ""
     cause: str = ""

@@ -84,7 +84,7 @@ _FEW_ITERATIONS = 20
 SLEEP_SETTINGS: Settings = {"sleep": True, "island": True}
 """Sleep needs islands."""
 RUN = Row(
-    "numerical error", "the run as written", "numerics", (keep_model,), base="run", timed=False
+    "numerical error", "the run as written", "numerics", (keep_model,), base="run", has_time=False
 )
 """The first row of every budget, which changes nothing."""
 HALF_STEP = Candidate("half the step", "inaccurate", rate=2, labels=(ANY_LABEL,))
@@ -118,7 +118,7 @@ MODIFICATIONS = (
                 "numerics",
                 (keep_model,),
                 base="step",
-                timed=False,
+                has_time=False,
                 cause="the time step is too long",
             ),
         ),
@@ -380,7 +380,7 @@ MODIFICATIONS = (
                 (raise_time_constants,),
                 raises_time_constants,
                 loads_raised_constant,
-                timed=False,
+                has_time=False,
             ),
         ),
         part_fixes=(PartFix("solref-step", _PART_SOLREF_FIELDS, exercised="refsafe"),),

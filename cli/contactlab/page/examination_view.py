@@ -53,7 +53,7 @@ class ExaminationView:
     @property
     def has_pictures(self) -> bool:
         """Whether a film stands next to the budget, which has the whole width otherwise."""
-        return bool(self.film.drawn or self.grip)
+        return bool(self.film.films or self.grip)
 
     @property
     def verdict(self) -> str:

@@ -26,7 +26,7 @@ class FilmRules:
         seconds: length of such a film, for runs of any length [s].
         most_bytes: a larger film is left out, so that a page opens at once.
         moment_size: of a film or a drawing of a moment, and of each half of the focal picture.
-        shown: simulated time around a moment [s].
+        shown_share: simulated time around a moment [s].
         before: share of this time before the moment.
         moment_seconds: length of the film of a moment [s].
     """
@@ -35,7 +35,7 @@ class FilmRules:
     seconds: float = 1.2
     most_bytes: int = 1_500_000
     moment_size: tuple[int, int] = (480, 360)
-    shown: float = 0.3
+    shown_share: float = 0.3
     before: float = 0.6
     moment_seconds: float = 0.8
 
@@ -55,7 +55,7 @@ class HeaderFilm(NamedTuple):
 class Films(NamedTuple):
     """Films of a page, or the reason for none."""
 
-    drawn: list[HeaderFilm]
+    films: list[HeaderFilm]
     missing: str = ""
 
 
@@ -171,8 +171,8 @@ def film_of_moment(store: Store, moment: Moment) -> Films:
     If a film needs a package that is not installed, or OpenGL, the moment is drawn.
     """
     between = (
-        max(moment.begin - FILM_RULES.before * FILM_RULES.shown, 0.0),
-        moment.end + (1 - FILM_RULES.before) * FILM_RULES.shown,
+        max(moment.begin - FILM_RULES.before * FILM_RULES.shown_share, 0.0),
+        moment.end + (1 - FILM_RULES.before) * FILM_RULES.shown_share,
     )
     try:
         with tempfile.TemporaryDirectory() as folder:

@@ -346,7 +346,7 @@ def _baseline_maps(
     )
     name = data.tradeoff.error.name if data.tradeoff else summary_metrics()[0]
     for quantity in data.quantities_named(name):
-        for earlier in Quantities.of(baseline.columns).named([name]):
+        for earlier in Quantities.of(baseline.columns).select_named([name]):
             old_values = replace(earlier, values=earlier.values[before])
             new_values = replace(quantity, values=quantity.values[after])
             values = [cell_statistic(axes, side, "worst") for side in (old_values, new_values)]

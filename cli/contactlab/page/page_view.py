@@ -482,7 +482,7 @@ def effects_view(data: ReportData) -> EffectsView | None:
         else (RECORDED_TIME_COLUMN,)
     )
     wanted = dict.fromkeys((*first, *summary_metrics()))
-    quantities = (quantity for name in wanted for quantity in data.quantities.named([name]))
+    quantities = (quantity for name in wanted for quantity in data.quantities.select_named([name]))
     most_ratios = 5
     changes = knob_changes(data.axes, data.labels, quantities, most_ratios)
     return EffectsView(changes, list(changes[0].ratios)) if changes else None

@@ -299,7 +299,7 @@ def figure_specs(data: ReportData) -> dict[str, Spec | str]:
     # The effects of changing one knob.
     report = data.tradeoff
     names = [report.time.name, report.error.name] if report else ["cost_cpu_per_sim_s"]
-    quantities = data.quantities.named(names)
+    quantities = data.quantities.select_named(names)
     changes = knob_changes(data.axes, data.labels, quantities, len(names))
     changes = [change for change in changes if any(change.ratios.values())]
     return {

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import NO_CONTACT, Floats
 from contactlab.page.packing import packed_integers, rounded_floats
-from contactlab.printable import Told
+from contactlab.printable import Replacer
 from contactlab.schema.coverage import Travel
 from contactlab.store.mcap.trace_reader import StoredTrace
 
@@ -31,18 +31,20 @@ class QposEntry:
 
 
 def run_series(
-    trace: StoredTrace, told: Told = str, joints: Mapping[str, Travel] = _NO_JOINTS
+    trace: StoredTrace, replace_geoms: Replacer = str, joints: Mapping[str, Travel] = _NO_JOINTS
 ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return a run over time: its signals and contact modes in words, and as columns.
 
-    `told` names pairs, and the coverage names joints if the trace's own model lacks some names. A
-    signal i of motion, force or depth, 0 without contact, has times `ti` [s] and values `vi`, at
-    most 402 of them. A pair i begins to stick, slide or part at `si` [s], its modes being `mi`.
+    `replace_geoms` names pairs, and the coverage names joints if the trace's own model lacks some
+    names. A signal i of motion, force or depth, 0 without contact, has times `ti` [s] and values
+    `vi`, at most 402 of them. A pair i begins to stick, slide or part at `si` [s], its modes being `mi`.
     """
     columns: dict[str, NDArray[Any]] = {}
     signals: list[tuple[str, str, str]] = []
     bits = 12  # of a mantissa: 1e-4 of a plot, a tenth of a pixel
-    for index, (name, unit, panel, values, kept) in enumerate(_list_signals(trace, told, joints)):
+    for index, (name, unit, panel, values, kept) in enumerate(
+        _list_signals(trace, replace_geoms, joints)
+    ):
         columns[f"t{index}"] = rounded_floats(trace.time[kept], bits)
         columns[f"v{index}"] = rounded_floats(values[kept], bits)
         signals.append((name, unit, panel))
@@ -53,12 +55,12 @@ def run_series(
         starts = np.concatenate(([0], np.flatnonzero(np.diff(modes)) + 1))[:_POINTS]
         columns[f"s{index}"] = rounded_floats(trace.time[starts], bits)
         columns[f"m{index}"] = packed_integers(modes[starts])
-    bands = [(told(pair.name), float(trace.time[-1])) for pair in pairs]
+    bands = [(replace_geoms(pair.name), float(trace.time[-1])) for pair in pairs]
     return {"signals": signals, "bands": bands}, columns
 
 
 def _list_signals(
-    trace: StoredTrace, told: Told, joints: Mapping[str, Travel]
+    trace: StoredTrace, replace_geoms: Replacer, joints: Mapping[str, Travel]
 ) -> Iterator[tuple[str, str, str, Floats, NDArray[np.intp]]]:
     """Yield name, unit, panel, values and places to keep of motion, forces and depths of a run.
 
@@ -74,7 +76,7 @@ def _list_signals(
         values = trace.qpos[:, entry.index]
         yield entry.name, entry.unit, "motion", values, thin_indices(values)
     for pair in trace.pairs:
-        name = told(pair.name)
+        name = replace_geoms(pair.name)
         normal, tangential, depth = (
             pair.spread_over_steps(len(trace.contacts), values)
             for values in (pair.normal, pair.tangential, np.maximum(-pair.distance, 0.0))

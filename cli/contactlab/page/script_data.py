@@ -31,11 +31,11 @@ from contactlab.pareto.recommendation import (
     SAFE_MARGIN,
     recommendable_places,
 )
-from contactlab.printable import Told
+from contactlab.printable import Replacer
 from contactlab.reporting.coverage_rows import coverage_rows
+from contactlab.reporting.geom_names import load_geom_replacers
 from contactlab.reporting.report import PageRequest, ReportData
 from contactlab.reporting.report_columns import Codes, GridAxis, RunLabels, summary_metrics
-from contactlab.reporting.told_geoms import told_geoms
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store.finished_store import Store
@@ -102,7 +102,7 @@ def script_data(data: ReportData, request: PageRequest, chart: Spec | None) -> S
     axes = aggregated_axes(data.axes) if is_aggregated else data.axes
     selection = _Selection(rows, records, is_aggregated, axes)
     table = data.tolerance_table()
-    told = told_geoms(data.store, selection.records)
+    replacers = load_geom_replacers(data.store, selection.records)
     columns = _run_columns(data, selection, table)
     if selection.is_aggregated:
         columns |= aggregated_columns(selection.axes, data.labels, data.quantities)
@@ -117,7 +117,8 @@ def script_data(data: ReportData, request: PageRequest, chart: Spec | None) -> S
         "specs": {} if request.examination else chart_templates(data, chart),
         "tradeoff": _tradeoff_data(data.tradeoff) if data.tradeoff and table else None,
         "details": {
-            place: _run_details(record, told[place]) for place, record in selection.records.items()
+            place: _run_details(record, replacers[place])
+            for place, record in selection.records.items()
         },
     }
     total = data.store.columns.runs
@@ -128,7 +129,7 @@ def script_data(data: ReportData, request: PageRequest, chart: Spec | None) -> S
     return ScriptData(
         packed_text(as_json(metadata)),
         as_json(pack_columns(columns)),
-        as_json(packed_series(data.store, selection.records, told)),
+        as_json(packed_series(data.store, selection.records, replacers)),
         (note,) if selection.is_aggregated else (),
     )
 
@@ -268,12 +269,14 @@ def _tradeoff_data(report: TradeoffReport) -> dict[str, Any]:
     }
 
 
-def _run_details(record: EvidenceRecord, told: Told) -> dict[str, Any]:
+def _run_details(record: EvidenceRecord, replace_geoms: Replacer) -> dict[str, Any]:
     return {
-        "labels": [[label.label, told(label.reason), label.step] for label in record.labels],
+        "labels": [
+            [label.label, replace_geoms(label.reason), label.step] for label in record.labels
+        ],
         "settings": record.settings | record.axes,
         "coverage": [
-            [told(text) for text in row]
+            [replace_geoms(text) for text in row]
             for row in (coverage_rows(record.coverage, record.pairs) if record.coverage else ())
         ],
         "expectation_reason": record.expectation_reason,
@@ -290,13 +293,15 @@ def _run_details(record: EvidenceRecord, told: Told) -> dict[str, Any]:
             )
         ],
         "friction": {
-            told(name): pair.friction[0] for name, pair in record.pairs.items() if pair.condim > 1
+            replace_geoms(name): pair.friction[0]
+            for name, pair in record.pairs.items()
+            if pair.condim > 1
         },
     }
 
 
 def packed_series(
-    store: Store, records: dict[int, EvidenceRecord], told: dict[int, Told]
+    store: Store, records: dict[int, EvidenceRecord], replacers: dict[int, Replacer]
 ) -> dict[str, Any]:
     """Return the time series of the runs that have a trace: their names, and packed numbers."""
     descriptions: dict[int, Any] = {}
@@ -307,6 +312,6 @@ def packed_series(
         # A note on the page names damaged traces; it shows the others.
         with suppress(StoreError):
             joints = record.coverage.joints if record.coverage else {}
-            descriptions[row], series = run_series(store.trace(record), told[row], joints)
+            descriptions[row], series = run_series(store.trace(record), replacers[row], joints)
             columns |= {f"{row}:{name}": values for name, values in series.items()}
     return {"runs": descriptions, "packed": pack_columns(columns)}

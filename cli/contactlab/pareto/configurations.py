@@ -50,7 +50,7 @@ class StoredRuns:
     # Whether solref is absolute or tied to the timestep; empty if unknown.
     solref_rules: tuple[str | None, ...] = ()
     baseline: int | None = None  # place of a run of the model as written, if there is one
-    written: Mapping[str, Setting] | None = None  # option to its value in that run
+    written_options: Mapping[str, Setting] | None = None  # option to its value in that run
 
 
 def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
@@ -78,7 +78,7 @@ def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
         numbers=_StoredNumbers(columns, names),
         solref_rules=columns.coded(_SOLREF_RULE).values if _SOLREF_RULE in present else (),
         baseline=place,
-        written=written,
+        written_options=written,
     )
 
 
@@ -226,11 +226,11 @@ def evaluate_configurations(runs: StoredRuns, criteria: ResolvedCriteria) -> lis
     )
     for first, count, cases, figures in each:
         values = {name: settings[codes[first]] for name, (codes, settings) in runs.knobs.items()}
-        if runs.written and not found:
+        if runs.written_options and not found:
             for name, (codes, settings) in runs.knobs.items():
                 # Settings that others also leave to the scene are the same there.
                 if values[name] is None and (codes == settings.index(None)).sum() == count:
-                    values[name] = runs.written.get(name)
+                    values[name] = runs.written_options.get(name)
         found.append(_evaluate_one(values, first, figures, criteria, (cases, groups.every)))
     return found
 

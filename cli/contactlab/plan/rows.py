@@ -287,7 +287,7 @@ def _axis_values(context: SweepContext, path: KeyPath, axis: Axis) -> list[objec
 
 def _known_values(context: SweepContext, name: str) -> Sequence[object]:
     spec = context.find_axis(name)
-    return (spec.known or spec.choices) if spec else ()
+    return (spec.accepted_values or spec.choices) if spec else ()
 
 
 def _canonical_column(

@@ -109,7 +109,7 @@ def _check_draft(
     if not isinstance(scene, str):
         return None
     try:
-        context = SweepContext(document, draft.sweep, draft.kept, vocabulary(scene))
+        context = SweepContext(document, draft.sweep, draft.kept_positions, vocabulary(scene))
     except SceneError as error:
         first, _, rest = str(error).partition("\n")
         document.add_mistake("unknown-scene", ("scene",), first, rest.replace("\n", "; "))

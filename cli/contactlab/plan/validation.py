@@ -216,12 +216,12 @@ class Draft:
 
     document: Document
     sweep: Sweep  # the valid entries
-    kept: Mapping[str, Sequence[int]]
+    kept_positions: Mapping[str, Sequence[int]]
     """For every list that lost entries, the positions of the others in the file."""
 
     def entry_path(self, key: str, index: int, *below: str | int) -> KeyPath:
         """Return the path in the file of an entry of one of the sweep's lists."""
-        kept = self.kept.get(key)
+        kept = self.kept_positions.get(key)
         return (key, kept[index] if kept else index, *below)
 
 

@@ -60,7 +60,7 @@ class ReportData:
 
     def quantities_named(self, *names: str) -> list[Quantity]:
         """Return the quantities of these names, as far as the store has them."""
-        return [*self.quantities.named(names)]
+        return [*self.quantities.select_named(names)]
 
     def tolerance_table(self) -> ToleranceTable | None:
         """Return the table for other tolerances on the page; None without a trade-off."""

@@ -92,14 +92,14 @@ class Quantities:
     @classmethod
     def of(cls, stored: RunColumns) -> "Quantities":
         """Return those of a table."""
-        measured = stored.measured.items()
+        measured = stored.metric_columns.items()
         return cls(stored, tuple(column for name, column in measured if stored.has_finite(name)))
 
     def __iter__(self) -> Iterator[Quantity]:
         """Yield them in the order of the table, with one at a time in memory."""
         return self._read_columns(self.columns)
 
-    def named(self, names: Sequence[str]) -> Iterator[Quantity]:
+    def select_named(self, names: Sequence[str]) -> Iterator[Quantity]:
         """Yield those of these names, in the order of the table."""
         return self._read_columns([column for column in self.columns if column.name in names])
 

@@ -19,14 +19,14 @@ from contactlab.rendering.document import (
     table_of,
 )
 from contactlab.reporting.coverage_rows import coverage_rows
-from contactlab.reporting.told_geoms import told_geoms
+from contactlab.reporting.geom_names import load_geom_replacers
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
 
 
 def describe_run(store: Store, record: EvidenceRecord) -> Document:
     """Describe a run of a store, the reasons of its label first."""
-    named = told_geoms(store, {0: record})[0]
+    named = load_geom_replacers(store, {0: record})[0]
     labels = [(entry.label, entry.step, named(entry.reason)) for entry in record.labels]
     reasons = [table_of(("label", "first step", "reason"), labels)] if labels else []
     tables = list[Table]()

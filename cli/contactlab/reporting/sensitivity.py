@@ -53,7 +53,7 @@ def find_sensitivities(store: Store, metrics: Sequence[str] = ()) -> Iterator[Se
     drawn = sweep.drawn_axes
     axes = tuple(name for name in sweep.axes if name in drawn)
     others = [name for name in (*columns.axis_names, "seed") if name not in drawn]
-    names = [name for name in metrics or summary_metrics() if name in columns.measured]
+    names = [name for name in metrics or summary_metrics() if name in columns.metric_columns]
     groups = defaultdict[tuple[object, ...], list[dict[str, object]]](list)
     for row in columns.arrow([*dict.fromkeys(["label", *others, *names])]).to_pylist():
         groups[tuple(row[name] for name in others)].append(row)

@@ -14,7 +14,7 @@ PERTURBATION = "perturbation"
 
 def distance_to_reality(axes: Sequence[GridAxis], columns: RunColumns) -> str:
     """Return the distance of runs to recordings, and its noise floor; empty without recordings."""
-    values = columns.numbers(REALITY).values if REALITY in columns.measured else np.zeros(0)
+    values = columns.numbers(REALITY).values if REALITY in columns.metric_columns else np.zeros(0)
     if not np.isfinite(values).any():
         return ""
     floor = start_noise(axes, values)

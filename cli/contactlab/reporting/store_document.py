@@ -89,7 +89,7 @@ def _result_sentences(
             ("penetration_max", "contact depth", "mm"),
             ("backward_error", "numerical error", "%"),
         ):
-            if name in columns.measured and columns.has_finite(name):
+            if name in columns.metric_columns and columns.has_finite(name):
                 most = float(np.nanmax(columns.numbers(name).values))
                 said.append(f"{what} at most {format_amount(most, unit)}")
         yield "; ".join(said)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 
 from contactlab.errors import ContactlabError
-from contactlab.printable import Told
+from contactlab.printable import Replacer
 from contactlab.run.planned_runs import open_store_scene
 from contactlab.run.stored_runs import resolve_record
 from contactlab.scene.model_names import geom_name_replacer
@@ -12,12 +12,12 @@ from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
 
 
-def geom_replacers(store: Store, records: Mapping[int, EvidenceRecord]) -> dict[int, Told]:
+def geom_replacers(store: Store, records: Mapping[int, EvidenceRecord]) -> dict[int, Replacer]:
     """Return the function that replaces geom addresses in texts about each run.
 
     Addresses stay if the scene cannot be compiled, and nothing is replaced without any.
     """
-    replacements: dict[int, Told] = dict.fromkeys(records, str)
+    replacements: dict[int, Replacer] = dict.fromkeys(records, str)
     unnamed = [
         place for place, record in records.items() if any("geom[" in name for name in record.pairs)
     ]

@@ -68,7 +68,7 @@ def _budgets_of_run(
                 f"{name} at {low:g} and {high:g}",
                 "unknown",
                 tuple(_change_towards(own, model) for model in ends),
-                timed=False,
+                has_time=False,
             )
             for name, (low, _, high) in ranges.items()
             if (ends := _end_models(scene, {**shared, **middle}, name, (low, high), run, own))

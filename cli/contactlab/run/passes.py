@@ -66,7 +66,7 @@ class SweepSession:
         }
 
     @cached_property
-    def planned(self) -> list[RunSpec]:
+    def planned_runs(self) -> list[RunSpec]:
         """All of its runs at once; only small sweeps have passes."""
         return list(self.index.iterate_runs())
 
@@ -74,7 +74,7 @@ class SweepSession:
         """Return the completed runs with an engine that is able; only these are repeated."""
         return [
             replace(run, controls=row["controls"]) if isinstance(run.drive, PolicyDrive) else run
-            for run in self.planned
+            for run in self.planned_runs
             if (row := self.outcomes[run.run_id])["status"] == "ok" and able(engine_of(run))
         ]
 
@@ -97,7 +97,7 @@ def run_passes(session: SweepSession) -> tuple[dict[str, dict[str, Any]], Sequen
         notes = results_of_pass(
             session, "errors", [tuple(map(runs.__getitem__, rows)) for rows in grouped]
         )
-        errors = run_accuracies(sweep.accuracy, session.scene, _by_id(session.planned), notes)
+        errors = run_accuracies(sweep.accuracy, session.scene, _by_id(session.planned_runs), notes)
         values = {run_id: _accuracy_row(session, run_id, error) for run_id, error in errors.items()}
         if any(error.error_kind == "invariants" for error in errors.values()):
             columns = as_ratios(name for name in Accuracy.model_fields if name.startswith("error_"))
@@ -156,7 +156,7 @@ def _measure_times(
         )
         taken = notes_by_run(session.store.read_notes(), "times")
     times = {run_id: taken[firsts[key]] for run_id, key in keys.items() if firsts[key] in taken}
-    return run_timings(_by_id(session.planned), request, work, times)
+    return run_timings(_by_id(session.planned_runs), request, work, times)
 
 
 def _axes_key(run: RunSpec, but: Collection[str] = ()) -> object:
@@ -197,7 +197,7 @@ class _Contenders:
         sweep, limits = session.task.sweep, session.task.sweep.tolerances
         name = find_error_metric(limits) or (ERRORS[0] if sweep.accuracy else MODELING_ERROR)
         every, own = defaultdict[object, list[str]](list), defaultdict[object, list[str]](list)
-        for planned, found in ((session.planned, every), (timed, own)):
+        for planned, found in ((session.planned_runs, every), (timed, own)):
             for run in planned:
                 found[_axes_key(run, sweep.scenario)].append(run.run_id)
         # Each group with its error, and the largest share of a tolerance that it uses.

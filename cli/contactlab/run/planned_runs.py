@@ -179,7 +179,7 @@ class RunIndex:
             run = resolved.with_seed(row.values, row.seeds[0], next(ids), row.first)
             # Runs of one shape differ only in the values of settings and initial values.
             parts = tuple(run.axes), tuple(run.structure.values()), tuple(run.flags.values())
-            shape = *parts, run.engine, run.drive, run.duration, run.changed, run.without
+            shape = *parts, run.engine, run.drive, run.duration, run.changed_settings, run.without
             check(run, shape)
             self.firsts.setdefault(shape, run)
             if self._kept is not None:
@@ -244,7 +244,7 @@ class _RunCheck:
             )
         if not engine.accepts_every_run and (why := engine.refusal(self._scene, run)):
             raise SceneError(why)
-        if run.changed & AT_REST.keys():
+        if run.changed_settings & AT_REST.keys():
             self._scene.base_of(run).prepare(run.edits())
         driven = run.drive not in ("none", "hold")
         if not driven and not self._scene.is_timed:

@@ -188,7 +188,7 @@ def plan_again(identity: SweepIdentity, scene: Scene) -> Plan:
 class Resimulation:
     """Runs of a store that were simulated, measured and labeled again."""
 
-    asked: int  # runs that were requested, at most all
+    requested_runs: int  # runs that were requested, at most all
     simulated: int = 0
     problems: list[str] = field(default_factory=list[str])
     left_out: Counter[str] = field(default_factory=Counter[str])
@@ -196,9 +196,9 @@ class Resimulation:
 
     def add_shortage(self) -> None:
         """Add a problem if fewer runs were simulated than requested."""
-        if self.simulated < self.asked:
+        if self.simulated < self.requested_runs:
             why = "; ".join(f"{count:,} {reason}" for reason, count in self.left_out.items())
-            said = f"simulated again: {self.simulated:,} of {self.asked:,}"
+            said = f"simulated again: {self.simulated:,} of {self.requested_runs:,}"
             self.problems.append(f"{said}: {why}" if why else said)
 
 
@@ -210,21 +210,21 @@ def simulate_again(store: Store, count: int, *, allow_code: bool = False) -> Res
     columns = store.columns
     found = Resimulation(min(count, columns.runs))
     if (why := why_ids_unverifiable(store)) is not None:
-        found.left_out[why] = found.asked
+        found.left_out[why] = found.requested_runs
         found.add_shortage()
         return found
     scene = open_store_scene(store)
     # The code of a loop is not available, but that of an environment is.
     played = bool(scene.source.environment)
     order = random.sample(range(columns.runs), columns.runs)
-    with TemporaryDirectory() as folder, step_count("runs", found.asked) as again:
+    with TemporaryDirectory() as folder, step_count("runs", found.requested_runs) as again:
         identity = store.manifest.sweep
         sweep = stored_sweep(identity).model_copy(update={"trace": "all"})
         provenance, plugins = find_provenance(), loaded_plugins()
         task = Task(sweep, (), identity, Path(folder), store.scene_folder, provenance, plugins)
         worker = Worker(task, None)
         for row in order:
-            if found.simulated >= found.asked:
+            if found.simulated >= found.requested_runs:
                 break
             stored = columns.row(row)
             if stored["status"] in {"crashed", "timeout"}:
@@ -233,7 +233,7 @@ def simulate_again(store: Store, count: int, *, allow_code: bool = False) -> Res
             if stored.get("loop") and not played:
                 found.left_out["of a loop: its code is not in the store"] += 1
                 continue
-            finish_step(again, found.simulated - again.done)
+            finish_step(again, found.simulated - again.finished_steps)
             found.simulated += 1
             record = store.record(stored["run_id"])
             if played:

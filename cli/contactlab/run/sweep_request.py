@@ -127,7 +127,7 @@ class SceneLoader:
     drive_folder: Path = Path()  # base of relative paths in `drive`
     allow_code: bool = False  # whether the code of environments may run
     written_here: bool = False  # whether the caller wrote the sweep, and no file names its drive
-    _opened: dict[str, Scene] = field(default_factory=dict[str, Scene])
+    _scenes: dict[str, Scene] = field(default_factory=dict[str, Scene])
     _driven: dict[str, Scene] = field(default_factory=dict[str, Scene])
 
     def open(self, reference: str) -> Scene:
@@ -142,7 +142,7 @@ class SceneLoader:
         return self._driven[reference]
 
     def _open_undriven(self, reference: str) -> Scene:
-        if reference not in self._opened:
+        if reference not in self._scenes:
             tables, allowed = read_control_table, self.allow_code
             scene = Scene.open(reference, self.folder, ENGINES, tables, allow_code=allowed)
             # A scene's own names differ from those of columns; it names known metrics and oracles.
@@ -161,8 +161,8 @@ class SceneLoader:
                     SceneError.unless_known(oracle.name, ORACLES, f"no oracle '{oracle.name}'")
             with scene.source.named_in_errors():
                 check_motion(scene.base({}).model)
-            self._opened[reference] = scene
-        return self._opened[reference]
+            self._scenes[reference] = scene
+        return self._scenes[reference]
 
     def _open_driven(self, reference: str, drive: Drive) -> Scene:
         key = f"{reference} {drive!r}"

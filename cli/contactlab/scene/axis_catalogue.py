@@ -61,7 +61,9 @@ class SceneCatalogue:
         if recorded:
             text = f"recorded run, out of {len(recorded)}, to start from and to compare with"
             parse, known = number_parser(known=recorded), tuple(recorded)
-            self._list_axes[RECORDED_RUN] = AxisSpec(RECORDED_RUN, "", text, parse, known=known)
+            self._list_axes[RECORDED_RUN] = AxisSpec(
+                RECORDED_RUN, "", text, parse, accepted_values=known
+            )
         self._start_axes = {
             axis.name: axis for axis in _list_start_axes(base) if axis.name not in self._list_axes
         }

@@ -64,7 +64,7 @@ class ModelEdits:
     settings: Mapping[str, object] = field(default_factory=dict[str, object])
     masked: tuple[str, ...] = ()  # geoms that do not collide
     # Geoms that collide with more, their `contype` or `conaffinity`, and its new bits.
-    opened: tuple[tuple[str, str, int], ...] = ()
+    widened_masks: tuple[tuple[str, str, int], ...] = ()
     # Pairs of bodies that do not collide with each other.
     excluded: tuple[tuple[str, str], ...] = ()
     # Bodies of a URDF that are welded to the world and get a free joint.
@@ -127,7 +127,7 @@ def join_edits(some: Sequence[ModelEdits]) -> ModelEdits:
     return ModelEdits(
         settings={name: value for each in some for name, value in each.settings.items()},
         masked=tuple(dict.fromkeys(name for each in some for name in each.masked)),
-        opened=tuple(dict.fromkeys(mask for each in some for mask in each.opened)),
+        widened_masks=tuple(dict.fromkeys(mask for each in some for mask in each.widened_masks)),
         excluded=tuple(dict.fromkeys(pair for each in some for pair in each.excluded)),
         freed=tuple(dict.fromkeys(name for each in some for name in each.freed)),
         fitted=tuple(dict(pair for each in some for pair in each.fitted).items()),
@@ -311,7 +311,7 @@ class Draft:
     values: dict[Origin, dict[str, str]] = field(default_factory=lambda: defaultdict(dict))
     renamed: dict[Origin, str] = field(default_factory=dict[Origin, str])  # new tags
     removed: set[Origin] = field(default_factory=set[Origin])  # elements to remove
-    added: list[str] = field(default_factory=list[str])  # lines to add at the main file's end
+    added_lines: list[str] = field(default_factory=list[str])  # lines to add at the main file's end
     # Lines to add at the end of elements.
     inserted: dict[Origin, str] = field(default_factory=dict[Origin, str])
 
@@ -404,7 +404,7 @@ class Draft:
         if found and origin and origin[0] == self.main:
             self.values[origin] |= found
         elif found:
-            self.added.append(added.format(attribute_text(found)))
+            self.added_lines.append(added.format(attribute_text(found)))
 
     def set_parts(self, edits: ModelEdits, meant: CompiledFiles) -> None:
         """Apply the changes that no field of a compiled model shows; remove deleted elements."""
@@ -412,7 +412,7 @@ class Draft:
             self._set_attribute(kind, name, attribute, mjcf_text(value))
         for one, other in edits.excluded:
             pair = attribute_text({"body1": one, "body2": other})
-            self.added.append(f"<contact><exclude{pair}/></contact>")
+            self.added_lines.append(f"<contact><exclude{pair}/></contact>")
         for servo in edits.servos:
             self._write_servo(servo)
         for name in edits.freed:
@@ -423,7 +423,7 @@ class Draft:
                 self._set_attribute("key", name, "qpos", text)
             else:
                 key = attribute_text({"name": name, "qpos": text})
-                self.added.append(f"<keyframe><key{key}/></keyframe>")
+                self.added_lines.append(f"<keyframe><key{key}/></keyframe>")
         if edits.unflagged:
             self._set_last_element("flag", dict.fromkeys(edits.unflagged, "disable"))
         for kind, lines in self.lines.items():
@@ -446,8 +446,8 @@ class Draft:
                 for (file, at), line in self.inserted.items()
                 if file == path
             ]
-            if path == self.main and self.added:
-                found.append(append_lines(data, elements[0], self.added))
+            if path == self.main and self.added_lines:
+                found.append(append_lines(data, elements[0], self.added_lines))
             yield path, sorted(found)
 
     def changed_texts(self) -> dict[Path, bytes]:
@@ -473,7 +473,7 @@ def _attribute_edits(edits: ModelEdits) -> Iterator[tuple[str, str, str, object]
     """Yield the attributes that edits set: kind and name of an element, attribute and value."""
     for name, attribute in product(edits.masked, ("contype", "conaffinity")):
         yield "geom", name, attribute, 0
-    for name, attribute, bits in edits.opened:
+    for name, attribute, bits in edits.widened_masks:
         yield "geom", name, attribute, bits
     for name, count in edits.hulls.items():
         yield "mesh", name, "maxhullvert", count

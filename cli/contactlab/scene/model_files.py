@@ -73,7 +73,7 @@ class FileSearch:
     """A search for the files of a model, which a store's copy may hold; it reads each once."""
 
     copy: Path | None = None
-    seen: set[Path] = field(default_factory=set[Path])
+    read_paths: set[Path] = field(default_factory=set[Path])
     size: ModelSize = field(default_factory=ModelSize)
 
     def iterate_references(self, model: Path, within: tuple[Path, ...] = ()) -> Iterator[Reference]:
@@ -109,8 +109,8 @@ class FileSearch:
         self, file: Reference, base: Path, within: tuple[Path, ...], counts: "_Counts"
     ) -> Iterator[tuple[ET.Element, Reference]]:
         """Yield every element in document order, includes in their place, with its file."""
-        if file.path.resolve() not in self.seen:
-            self.seen.add(file.path.resolve())
+        if file.path.resolve() not in self.read_paths:
+            self.read_paths.add(file.path.resolve())
             root = parse(file.path)
             with named_in_errors(file.path):
                 counts.elements += self.size.count_elements(root, counts.attached)

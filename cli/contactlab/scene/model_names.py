@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 
 from contactlab.errors import SceneError, did_you_mean
-from contactlab.printable import Told
+from contactlab.printable import Replacer
 
 OBJECT_LISTS = {
     "body": "bodies",
@@ -106,7 +106,7 @@ def geom_names_by_address(model: mujoco.MjModel) -> dict[str, str]:
     }
 
 
-def geom_name_replacer(model: mujoco.MjModel) -> Told:
+def geom_name_replacer(model: mujoco.MjModel) -> Replacer:
     """Return the function that replaces addresses of geoms in a text, such as a pair's name."""
     words = geom_names_by_address(model)
     return lambda text: _GEOM_ADDRESS.sub(lambda found: words.get(found[0], found[0]), text)

@@ -61,7 +61,7 @@ def expected_of_runs(
                     window=windows,
                     word=requirement.word,
                     end=requirement.end,
-                    timed=(requirement.start, requirement.stop) != (None, None),
+                    has_times=(requirement.start, requirement.stop) != (None, None),
                     force=(requirement.least, requirement.limit)
                     if requirement.unit == "N"
                     else (-np.inf, np.inf),

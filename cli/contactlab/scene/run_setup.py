@@ -168,7 +168,7 @@ def _settings_at_rest(
 
     They are NaN for runs in which pairs differ.
     """
-    asking = [bool(run.changed & AT_REST.keys()) for run in runs]
+    asking = [bool(run.changed_settings & AT_REST.keys()) for run in runs]
     if not any(asking):
         return {}
     return {

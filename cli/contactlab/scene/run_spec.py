@@ -43,7 +43,7 @@ class RunSpec:
 
     structure: Mapping[str, object]  # structure values, by name
     settings: Settings  # every engine and contact setting
-    changed: frozenset[str]  # names of the settings that differ from the model as written
+    changed_settings: frozenset[str]  # names of the settings that differ from the model as written
     flags: Mapping[str, bool]  # every engine flag
     initial: Mapping[str, float]  # the scene's initial values
     seed: int  # seed of the perturbation of the initial state
@@ -112,13 +112,15 @@ class RunSpec:
     def edits(self) -> dict[str, object]:
         """Return the settings, flags and effects to write into the compiled scene's model."""
         # Model fields go last: they override settings that write the same fields.
-        names = sorted(self.changed & set(self.settings), key=lambda name: ("[" in name, name))
+        names = sorted(
+            self.changed_settings & set(self.settings), key=lambda name: ("[" in name, name)
+        )
         edits = {name: self.settings[name] for name in names}
         # Gravity is a setting, although a flag has the same name.
-        flagged = sorted(self.changed & set(FLAG_NAMES) - set(self.settings))
+        flagged = sorted(self.changed_settings & set(FLAG_NAMES) - set(self.settings))
         edits |= {name: self.flags[name] for name in flagged}
         requested = self.effect_request.requested
-        other = sorted(requested.keys() & self.changed - set(FLAG_NAMES) - self.without)
+        other = sorted(requested.keys() & self.changed_settings - set(FLAG_NAMES) - self.without)
         return edits | {name: requested[name] for name in other}
 
 
@@ -189,7 +191,7 @@ def resolve_variant(base: CompiledScene, run: RunSpec, name: str) -> RunSpec:
         run,
         settings=Settings({**run.settings, **updated, VARIANT: name}),
         flags={**run.flags, **switched},
-        changed=run.changed | {VARIANT, *switched} | (differing & {*OPTIONS}),
+        changed_settings=run.changed_settings | {VARIANT, *switched} | (differing & {*OPTIONS}),
     )
 
 
@@ -214,7 +216,7 @@ def run_ids(base: CompiledScene, run: RunSpec, scene: str, seeds: Iterable[int])
         if value is not own.get(name):
             entries[name] = base.id_entry(name, value)
     settings = ",".join(filter(None, map(entries.__getitem__, sorted(entries))))
-    over = run.changed & base.nonuniform
+    over = run.changed_settings & base.nonuniform
     written_over = _encode_json(sorted(over)) if over else "[]"
     tail = f'"settings":{{{settings}}},"written_over":{written_over}}}'
     before, after = f'{head[:-1]},"seed":'.encode(), f",{tail}".encode()
@@ -229,13 +231,16 @@ def other_effects(base: CompiledScene, run: RunSpec) -> dict[str, bool]:
 
     An effect that is left out because it provably changes nothing is not part of a run's identity.
     """
-    names = run.effect_request.requested.keys() & run.changed - _FLAG_NAMES - run.settings.keys()
+    names = (
+        run.effect_request.requested.keys()
+        & run.changed_settings - _FLAG_NAMES - run.settings.keys()
+    )
     if not names:
         return {}
     written = RunState(base.model, base.facts, straight=False)
     return {
         name: run.effect_request.requested[name]
         for name in sorted(names)
-        if "condim" in run.changed
+        if "condim" in run.changed_settings
         or EFFECTS[name].switch.is_on(written) != run.effect_request.requested[name]
     }

@@ -286,7 +286,7 @@ class Scene:
         run = RunSpec(
             structure=structure,
             settings=settings,
-            changed=frozenset(changed),
+            changed_settings=frozenset(changed),
             flags=flags,
             initial=initial,
             seed=seed,

@@ -42,7 +42,7 @@ class AxisSpec:
     """Names of the numbers that a value consists of, for expressions: `solref.timeconst`."""
     split: Callable[[object], Mapping[str, float]] | None = None
     """Gives the parts that a value has, by name; in direct form a solref has no timeconst."""
-    known: tuple[float, ...] = ()  # the numbers that it accepts, if they are few
+    accepted_values: tuple[float, ...] = ()  # the numbers that it accepts, if they are few
 
     def accepts_value(self, value: object) -> bool:
         """Return whether the axis takes a value."""

@@ -212,7 +212,7 @@ class Store:
         A comparison with recordings seeks such values, so that axes keep the roles of the sweep.
         """
         roles, columns = stored_sweep(self.manifest.sweep).roles, self.columns
-        if REALITY in columns.measured and columns.has_finite(REALITY):
+        if REALITY in columns.metric_columns and columns.has_finite(REALITY):
             return roles
         return {
             name: "scenario" if attribute_of(name) in CONDITIONS else role

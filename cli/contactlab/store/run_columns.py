@@ -93,7 +93,7 @@ class RunColumns:
         return {column.name: column for column in map(column_of, self.schema)}
 
     @cached_property
-    def measured(self) -> Mapping[str, Column]:
+    def metric_columns(self) -> Mapping[str, Column]:
         """The columns of measured values by name, in table order."""
         return {name: column for name, column in self.described.items() if column.better}
 

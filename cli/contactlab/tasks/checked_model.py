@@ -22,7 +22,7 @@ from contactlab.errors import EngineError, ModelWarning, SceneError, SweepFileEr
 from contactlab.judge.limits import LIMITS
 from contactlab.measure import THRESHOLDS
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
-from contactlab.printable import Told
+from contactlab.printable import Replacer
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.model_names import geom_name_replacer
@@ -94,7 +94,7 @@ class CheckedModel:
     rows: Sequence[str] | None = ()
     threads: int = 1
     seconds: float = math.inf
-    _written: set[str] = field(default_factory=set[str])
+    _store_names: set[str] = field(default_factory=set[str])
 
     @cached_property
     def scene(self) -> Scene:
@@ -126,7 +126,7 @@ class CheckedModel:
         return self.base.prepare(self.resolved.edits())
 
     @cached_property
-    def told(self) -> Told:
+    def name_geoms(self) -> Replacer:
         """What is said of a text with geoms that nobody named: their bodies."""
         return geom_name_replacer(self.base.model)
 
@@ -170,7 +170,7 @@ class CheckedModel:
         Raises:
             EngineError: as of motions; or no observed body moves.
         """
-        rows, settings = self._measured
+        rows, settings = self._budget_plan
         return error_budget(self.motions, rows=rows, settings=settings, workers=self.threads)
 
     def add_seeds(self) -> None:
@@ -189,7 +189,7 @@ class CheckedModel:
             known = self.budget.phases
             self.task = self.task.model_copy(update={"seeds": seeds})
             self.motions = self.motions_of(self.task)
-            settings = self._measured[1]
+            settings = self._budget_plan[1]
             more = error_budget(self.motions, rows=(), settings=settings, workers=self.threads)
             self.budget = ErrorBudget(
                 tuple(
@@ -199,7 +199,7 @@ class CheckedModel:
             )
 
     @cached_property
-    def _measured(self) -> tuple[Sequence[str], Settings]:
+    def _budget_plan(self) -> tuple[Sequence[str], Settings]:
         # The rows that its budget has, and how it is measured.
         if self.rows is not None:
             return self.rows, self.settings
@@ -211,10 +211,10 @@ class CheckedModel:
         if self.rows is not None:
             return ()
         own, _ = plan_budget(self.motions, self.settings, math.inf)
-        return tuple(row for row in own if row not in self._measured[0])
+        return tuple(row for row in own if row not in self._budget_plan[0])
 
     @cached_property
-    def judged(self) -> Verdict:
+    def budget_verdict(self) -> Verdict:
         """Verdict of its budget, with modeling choices."""
         return judge(self.budget, self.task.tolerance)
 
@@ -272,7 +272,7 @@ class CheckedModel:
         assert isinstance(seeds, Sequence)
         sweep["seeds"] = list(seeds)
         store = self.session.run_derived(name, sweep, self.scenes)
-        self._written.add(name)
+        self._store_names.add(name)
         runs = self.scene.resolve_seeds(values, sweep["seeds"], self.duration)
         steps = sum(round(run.duration / run.timestep) for run in runs)
         # A step of a run with all checks takes about as long as five of the engine.
@@ -300,7 +300,7 @@ class CheckedModel:
 
     def stores(self, *names: str) -> tuple[str, ...]:
         """Return which of these stores were written."""
-        return tuple(name for name in names if name in self._written)
+        return tuple(name for name in names if name in self._store_names)
 
 
 def open_changed_model(
@@ -359,7 +359,7 @@ def open_model(
         options=options,
         thresholds={name: limits[name] for name in limits if name in THRESHOLDS},
         limits={name: limits[name] for name in limits if name in LIMITS},
-        settings=Settings(places=False) if rows == () else Settings(timed=True),
+        settings=Settings(places=False) if rows == () else Settings(measures_time=True),
         rows=rows,
         seconds=seconds,
     )

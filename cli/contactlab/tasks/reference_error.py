@@ -152,7 +152,7 @@ class PhaseReference:
     @property
     def positions(self) -> Floats:
         """(T, nq) joint positions at the steps of the run."""
-        own = self._run.kept[:, : -1 : self._substeps, : self._motion.model.nq]
+        own = self._run.velocity_states[:, : -1 : self._substeps, : self._motion.model.nq]
         return own[np.isfinite(own).all(axis=2)]
 
     @cached_property
@@ -170,7 +170,7 @@ class PhaseReference:
         found = np.empty((len(self._windows), len(self._bodies)))
         for place, (seed, window) in enumerate(self._windows):
             begin = int(run.begins[window])
-            kept = run.kept[seed, begin : begin + run.steps + 1 : rate]
+            kept = run.velocity_states[seed, begin : begin + run.steps + 1 : rate]
             speed = self._observe(kept)[0]
             span = slice(begin // rate, (begin + run.steps) // rate)
             weight = GRAVITY_AS_REAL * model.opt.timestep * fall[seed, span].sum(axis=0)
@@ -234,7 +234,7 @@ class PhaseReference:
         """Return (M,) fine steps at which windows end, and the (M, 2) windows that fit."""
         count = max(MIN_WINDOW_STEPS, round(self._run.steps / multiple))
         ends = self._run.begins[self._windows[:, 1]] + count * multiple
-        fits = ends + multiple < self._run.kept.shape[1]
+        fits = ends + multiple < self._run.velocity_states.shape[1]
         return ends[fits], self._windows[fits]
 
     def _reference_around(self, ends: np.ndarray, which: np.ndarray, multiple: int) -> Floats:
@@ -258,7 +258,10 @@ class PhaseReference:
         # The end itself must be in the middle, where defects expect it.
         places = np.array([-place for place in half[::-1]] + [0, *half])
         kept = np.stack(
-            [self._run.kept[seed, end + places] for (seed, _), end in zip(which, ends, strict=True)]
+            [
+                self._run.velocity_states[seed, end + places]
+                for (seed, _), end in zip(which, ends, strict=True)
+            ]
         )
         seen = self._observe(kept)[0]
         if share > COARSE_ROUNDING:
@@ -272,7 +275,7 @@ class PhaseReference:
         count = max(MIN_WINDOW_STEPS, round(self._run.steps / multiple))
         motion = self.motion_of(model, multiple, which, count + 1)
         run = replay(motion, (count + 1) * float(motion.model.opt.timestep), self._workers)
-        return self._observe(run.kept[:, count - 1 : count + 2])[0]
+        return self._observe(run.velocity_states[:, count - 1 : count + 2])[0]
 
     def motion_of(
         self, model: mujoco.MjModel, multiple: int, which: np.ndarray, steps: int

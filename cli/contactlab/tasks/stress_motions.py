@@ -94,7 +94,7 @@ def _digest_states(states: Floats) -> bytes:
 def visit_states(motion: Motion, workers: int) -> Floats:
     """Return the states (S, N + 2, kept) of a motion before each step, and after the last."""
     length = motion.steps * float(motion.model.opt.timestep)
-    return replay(motion, length, workers).kept
+    return replay(motion, length, workers).velocity_states
 
 
 def join_seeds(one: Motion, other: Motion) -> Motion:

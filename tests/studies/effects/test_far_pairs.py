@@ -46,7 +46,7 @@ def test_pairs_beyond_the_distance_are_named(
     named = {" - ".join(sorted(name.split(" - "))) for part in parts for name in part.members}
     assert named == pairs
     for part in parts:
-        assert bool(part.kept) is (far is None)
+        assert bool(part.reason_to_stay) is (far is None)
         assert part.assumed
 
 

@@ -26,7 +26,7 @@ class EffectRequest:
     """
 
     requested: Mapping[str, bool]
-    changed: frozenset[str]
+    changed_settings: frozenset[str]
     auto: bool
 
 

@@ -281,7 +281,7 @@ def _choose_effect(effect: Effect, run: RunState, request: EffectRequest) -> Eff
         return EffectState(on=False, reason=NOT_IN_MODEL)
     if not request.auto:
         return EffectState(on=True, reason="all that the model has is on")
-    if set_here := sorted(request.changed.intersection(effect.switch.settings)):
+    if set_here := sorted(request.changed_settings.intersection(effect.switch.settings)):
         return EffectState(on=True, reason=f"the sweep sets {', '.join(set_here)}")
     proof = effect.unused(run)
     return EffectState(proof is None, proof or effect.called_by)
@@ -294,7 +294,7 @@ def left_uncompiled(facts: ModelFacts, request: EffectRequest) -> frozenset[str]
     if facts.sensors and not requested.get("sensor", default):
         out.add("sensor")
     read = facts.sensors and "sensor" not in out
-    named = any(name.startswith("tendon_") for name in request.changed)
+    named = any(name.startswith("tendon_") for name in request.changed_settings)
     spare = facts.tendons and facts.idle_tendons and not read and not named
     if spare and not requested.get("tendon", default):
         out.add("tendon")

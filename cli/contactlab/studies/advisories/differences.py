@@ -255,7 +255,7 @@ class DifferenceTrials:
     second: Evaluate
     key: tuple[str, str]
     end: float
-    _known: dict[str, bool] = field(default_factory=dict[str, bool])
+    _answers: dict[str, bool] = field(default_factory=dict[str, bool])
 
     @property
     def over(self) -> bool:
@@ -264,9 +264,9 @@ class DifferenceTrials:
 
     def still_fails(self, model: FailingModel) -> bool:
         """Return whether the releases differ in this model in the same way."""
-        if model.text not in self._known and not self.over:
-            self._known[model.text] = self.compare_releases(model) is not None
-        return self._known.get(model.text, False)
+        if model.text not in self._answers and not self.over:
+            self._answers[model.text] = self.compare_releases(model) is not None
+        return self._answers.get(model.text, False)
 
     def compare_releases(self, model: FailingModel) -> tuple[Difference, Windows, Windows] | None:
         """Return the difference of the key in a model from its start, with the windows."""

@@ -67,7 +67,7 @@ class FindRequest:
     seconds: float = 10.0
 
 
-class _Found(NamedTuple):
+class _FoundDifference(NamedTuple):
     model: FailingModel  # as one file, at the state
     text: str  # of the compared model
     state: State
@@ -98,7 +98,7 @@ def compare_engines(
     request: FindRequest, session: Session, engines: tuple[Evaluate, Evaluate], record: Record
 ) -> DifferencesReport:
     """Compare two functions that compute windows; see `find_differences`."""
-    found = dict[tuple[str, str], dict[str, _Found]]()
+    found = dict[tuple[str, str], dict[str, _FoundDifference]]()
     refused, compared, states = list[RefusedModel](), 0, 0
     with temporary_folder() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # they are about models, not about differences
@@ -135,7 +135,7 @@ def compare_engines(
 
 def _compare_model(
     member: CorpusModel, engines: tuple[Evaluate, Evaluate], record: Record
-) -> tuple[int, list[_Found]]:
+) -> tuple[int, list[_FoundDifference]]:
     scene = SceneLoader(None).open(member.reference)
     run = scene.resolve({}, 0, None)
     start = scene.initial_states([run])
@@ -150,7 +150,7 @@ def _compare_model(
     if not states:
         raise EngineError("no finite state")
     whole = mujoco.MjModel.from_xml_string(flat)
-    listed = list[_Found]()
+    listed = list[_FoundDifference]()
     for each in list_differences(compiled, *(evaluate(text, states) for evaluate in engines)):
         found, state = each, states[each.place]
         if found.stage == INTEGRATION:
@@ -161,14 +161,14 @@ def _compare_model(
             if closer is not None and closer.stage != INTEGRATION:
                 found, state = closer, within[closer.place]
         model = FailingModel(flat, start_at(whole, state), WINDOW_STEPS * run.timestep)
-        listed.append(_Found(model, text, state, found))
+        listed.append(_FoundDifference(model, text, state, found))
     return len(states), listed
 
 
 def _report_group(
     request: FindRequest,
     key: tuple[str, str],
-    found: dict[str, _Found],
+    found: dict[str, _FoundDifference],
     engines: tuple[Evaluate, Evaluate],
 ) -> tuple[DifferenceGroup, str]:
     trials = DifferenceTrials(*engines, key, time.monotonic() + request.seconds)

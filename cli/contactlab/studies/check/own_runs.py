@@ -25,8 +25,8 @@ from contactlab.tasks.checked_model import TASK_STORE, CheckedModel, CheckedRun
     question="in every phase, the run is the motion of its model, and has no failure label",
     place=1,
     limits=(
-        Limit("numerical_error", "1", "gate", shown=PERCENT),
-        Limit("energy_drift", "1", "gate", shown=PERCENT),
+        Limit("numerical_error", "1", "gate", printed_unit=PERCENT),
+        Limit("energy_drift", "1", "gate", printed_unit=PERCENT),
         Limit("failure_labels", "1", "gate", 0),
     ),
 )

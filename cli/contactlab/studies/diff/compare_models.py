@@ -199,9 +199,9 @@ def _part_differences(
         length = float(max(least, inside, away))
     for quantity in listed:
         before, after = (
-            quantity.read(model, index) for model, index in zip(models, ids, strict=True)
+            quantity.reader(model, index) for model, index in zip(models, ids, strict=True)
         )
-        share = relative_change(quantity.measured, before, after, length)
+        share = relative_change(quantity.scale, before, after, length)
         if share is None or share > tolerance:
             yield Difference(
                 kind=kind,
@@ -220,7 +220,7 @@ def _one_sided_difference(
     """Return the difference of a part that is in one model only."""
     first = _MAIN_QUANTITY.get(kind)
     quantity = next((one for one in QUANTITIES[kind] if one.name == first), QUANTITIES[kind][0])
-    told = format_value(quantity.read(model, index))
+    told = format_value(quantity.reader(model, index))
     return Difference(
         kind=kind,
         name=name_of(model, kind, index),

@@ -99,7 +99,7 @@ def _phase_impulses(
     if not windows:
         raise EngineError(f"MuJoCo gave up in the first window of {motion.name}")
     begins = run.begins[windows]
-    kept = np.stack([run.kept[0, begin : begin + run.steps + 2] for begin in begins])
+    kept = np.stack([run.velocity_states[0, begin : begin + run.steps + 2] for begin in begins])
     path = Observer(model, motion.starts[0], moving, 1)(kept)[0]
     seen = _follow_windows(motion, begins, run.starts[0, windows], run.steps, other, places, moving)
     gravity = float(np.linalg.norm(model.opt.gravity))
@@ -131,7 +131,7 @@ def _follow_windows(
         elapsed += own
     starts, inputs = _restart_second_model(motion, begins, states, np.array(times), other, places)
     restarted = Motion(other, starts, inputs, _INPUTS, motion.name)
-    kept = replay(restarted, len(times) * own, 1).kept
+    kept = replay(restarted, len(times) * own, 1).velocity_states
     # From the last step that is not past a step of the run before the end.
     first = sum(time + own <= (length - 1) * step * (1 + SUM_ROUNDING) for time in times)
     same = dict(map(tuple, places.bodies.tolist()))

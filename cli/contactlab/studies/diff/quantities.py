@@ -13,8 +13,8 @@ from contactlab.scene.model_names import name_of
 from contactlab.scene.model_text import mjcf_text
 from contactlab.scene.mujoco_versions import enum_members
 
-Measured = Literal["value", "length", "turn", "word"]
-Read = Callable[[mujoco.MjModel, int], object]
+Scale = Literal["value", "length", "turn", "word"]
+Reader = Callable[[mujoco.MjModel, int], object]
 
 
 class Quantity(NamedTuple):
@@ -25,12 +25,12 @@ class Quantity(NamedTuple):
     """
 
     name: str
-    read: Read
+    reader: Reader
     unit: str = ""
-    measured: Measured = "value"
+    scale: Scale = "value"
 
 
-def _read_field(field: str) -> Read:
+def _read_field(field: str) -> Reader:
     return lambda model, index: getattr(model, field)[index]
 
 
@@ -40,7 +40,7 @@ def _read_inertia(model: mujoco.MjModel, body: int) -> Floats:
     return turn @ np.diag(model.body_inertia[body]) @ turn.T
 
 
-def _read_limits(field: str, flag: str) -> Read:
+def _read_limits(field: str, flag: str) -> Reader:
     """Return the reader of a range, which is "none" without one."""
 
     def read(model: mujoco.MjModel, index: int) -> object:
@@ -49,11 +49,11 @@ def _read_limits(field: str, flag: str) -> Read:
     return read
 
 
-def _read_name(kind: str, field: str) -> Read:
+def _read_name(kind: str, field: str) -> Reader:
     return lambda model, index: name_of(model, kind, int(getattr(model, field)[index]))
 
 
-def _read_word(field: str, kinds: Any, prefix: str) -> Read:  # noqa: ANN401 - a pybind11 enum
+def _read_word(field: str, kinds: Any, prefix: str) -> Reader:  # noqa: ANN401 - a pybind11 enum
     words = {value: name for name, value in enum_members(kinds, prefix).items()}
 
     def read(model: mujoco.MjModel, index: int) -> object:
@@ -100,14 +100,14 @@ def _read_volume(model: mujoco.MjModel, geom: int) -> float:
     return 0.0 if int(model.geom_type[geom]) in _FLAT else geom_volume(model, geom)
 
 
-def _joint_turns(field: str) -> Read:
+def _joint_turns(field: str) -> Reader:
     def read(model: mujoco.MjModel, joint: int) -> object:
         return getattr(model, field)[int(model.jnt_dofadr[joint])]
 
     return read
 
 
-def _joint_place(field: str) -> Read:
+def _joint_place(field: str) -> Reader:
     """Return the reader of a position of slides and hinges."""
 
     def read(model: mujoco.MjModel, joint: int) -> object:
@@ -224,28 +224,26 @@ QUANTITIES: dict[str, tuple[Quantity, ...]] = {
 """By kind of part, in the order of reports."""
 
 
-def relative_change(
-    measured: Measured, before: object, after: object, length: float
-) -> float | None:
+def relative_change(scale: Scale, before: object, after: object, length: float) -> float | None:
     """Return the change of a value, relative to the one before; None if that has no size.
 
     It is 0 if there is no change. Positions are divided by the length of the part [m].
     """
-    if measured == "word" or isinstance(before, str) or isinstance(after, str):
+    if scale == "word" or isinstance(before, str) or isinstance(after, str):
         return 0.0 if np.array_equal(np.asarray(before), np.asarray(after)) else None
     one, two = (np.asarray(side, np.float64) for side in (before, after))
     if one.shape != two.shape:
         return None
     # A value that was never set may be NaN in both.
     apart = np.linalg.norm(np.nan_to_num(one - two))
-    if measured == "turn":
+    if scale == "turn":
         # Opposite quaternions are one turn.
         chord = min(np.linalg.norm(one - two), np.linalg.norm(one + two))
         return float(4 * np.arcsin(min(1.0, chord / 2)))
-    scale = length if measured == "length" else np.linalg.norm(np.nan_to_num(one))
+    size = length if scale == "length" else np.linalg.norm(np.nan_to_num(one))
     if not apart:
         return 0.0
-    return float(apart / scale) if scale else None
+    return float(apart / size) if size else None
 
 
 def format_value(value: object) -> str:

@@ -86,7 +86,7 @@ class SweepSetup:
         runs = {"scenarios": tuple(scenarios), "fresh_scenarios": tuple(fresh)}
         return replace(self, **runs, seeds=(0,), tolerances=tolerances)
 
-    def written(self, reference: str, settings: Values) -> "SweepSetup":
+    def for_written_model(self, reference: str, settings: Values) -> "SweepSetup":
         """Return the setup of a written model, with the same drive."""
         scene, given = self.scene, self.scenes.drive
         drive = given or scene.drive.drive

@@ -103,7 +103,7 @@ def study_effects(request: EffectsRequest, session: Session) -> EffectsReport:
         effects=effects,
         noise_floor=study.noise_floor,
         smaller=smaller,
-        kept=search.kept,
+        kept=search.needed_parts,
         sentence=describe_result(smaller, search),
         timed_out=any(one.late for one in study.measured) or search.is_late,
         seconds=time.monotonic() - begin,
@@ -123,7 +123,7 @@ def _find_smaller(
         errors=study.errors,
         base=study.base,
         runs=study.runs,
-        allowed=replace(allowed, seconds=smaller_share * allowed.seconds),
+        time_limit=replace(allowed, seconds=smaller_share * allowed.seconds),
         write=request.write,
     )
     tolerance = study.scenarios.models[0].task.tolerance
@@ -199,7 +199,7 @@ class EffectsStudy:
             one
             for one in self.measured
             if one.part.edits is not None
-            and (one.part.assumed or not one.part.kept)
+            and (one.part.assumed or not one.part.reason_to_stay)
             and (one.part.assumed or one.part.exercised or one.part.proof)
         ]
         models = [self._compile_without(one.part) for one in may_go]
@@ -284,6 +284,6 @@ def _describe_part(one: MeasuredPart, tolerance: float) -> PartEffect:
         phase=estimate.phase if estimate else "",
         time=estimate.time if estimate else None,
         time_ratio=one.ratio,
-        reason=part.proof or part.kept or part.assumed,
+        reason=part.proof or part.reason_to_stay or part.assumed,
         can_go=one.can_go(tolerance),
     )

@@ -48,7 +48,7 @@ class Scenarios:
         """Return a written model with the first scenario's settings, except those it has."""
         own = self.models[0]
         if self.setup is not None:
-            setup = self.setup.written(written.reference, edits.settings)
+            setup = self.setup.for_written_model(written.reference, edits.settings)
             return check_scenario(setup, self.setup.scenarios[0], self.session)
         opened = open_changed_model(written.reference, self.session, self.options)
         values = {name: value for name, value in own.values.items() if name not in edits.settings}

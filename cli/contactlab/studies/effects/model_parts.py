@@ -77,7 +77,7 @@ class ModelPart:
         change: leaves it out of a compiled model, in place.
         exercised: whether any motion depends on it.
         proof: why it cannot be used; empty without a proof.
-        kept: why it stays, whatever it saves; empty if it may go.
+        reason_to_stay: why it stays, whatever it saves; empty if it may go.
         adds: whether the edits add it instead.
         recompiles: whether only a model that is compiled from edited files shows its time.
         assumed: the assumption under which it may go although nothing proves it; empty without.
@@ -90,7 +90,7 @@ class ModelPart:
     change: InPlaceChange
     exercised: bool = False
     proof: str = ""
-    kept: str = ""
+    reason_to_stay: str = ""
     adds: bool = False
     recompiles: bool = False
     assumed: str = ""
@@ -102,7 +102,7 @@ class ModelPart:
 
         Runs that hardly load it prove nothing of others.
         """
-        if not self.kept:
+        if not self.reason_to_stay:
             return False
         effect = EFFECTS.get(self.name) if self.kind == "feature" else None
         return effect is None or effect.kind != "numerical"
@@ -194,7 +194,8 @@ def find_parts(
         *_list_sensors(model, keep),
     ]
     found = [
-        replace(part, kept=part.kept or "--keep") if part.name in keep else part for part in found
+        replace(part, reason_to_stay=part.reason_to_stay or "--keep") if part.name in keep else part
+        for part in found
     ]
 
     def is_idle(parts: Sequence[ModelPart]) -> bool:
@@ -249,7 +250,9 @@ def list_model_features(
             kept = ""
         settings = feature.settings_without(model)
         edits = ModelEdits(dict(settings))
-        yield ModelPart("feature", name, edits, write_features(settings), proof=proof, kept=kept)
+        yield ModelPart(
+            "feature", name, edits, write_features(settings), proof=proof, reason_to_stay=kept
+        )
     if flags := unused_flags(checked.scene.source.model):
         edits = ModelEdits(unflagged=flags)
         proof = "no state depends on it"
@@ -278,7 +281,9 @@ def _has_feature(feature: Feature, model: mujoco.MjModel, on: dict[str, EffectSt
 
 def _add_feature(feature: Feature, kept: str) -> ModelPart:
     edits, change = ModelEdits(dict(feature.on)), write_features(feature.on)
-    return ModelPart("feature", feature.name, edits, change, exercised=True, kept=kept, adds=True)
+    return ModelPart(
+        "feature", feature.name, edits, change, exercised=True, reason_to_stay=kept, adds=True
+    )
 
 
 def _clear_flags(names: Sequence[str]) -> InPlaceChange:
@@ -358,7 +363,7 @@ def _list_collisions(
                 ModelEdits(pairs=(name,)),
                 _stop_pairs([number]),
                 exercised=pair in touching,
-                kept="a safeguard",
+                reason_to_stay="a safeguard",
             )
     geoms = {geom for pair in touching for geom in pair}
     colliding = _find_removal("geom").find_parts(own)
@@ -403,7 +408,9 @@ def _list_far_pairs(
         FAR_PAIRS,
         edits,
         lambda _: None,
-        kept="" if requested else f"{assumed}; --apply {FAR_PAIRS}={length}mm leaves them out",
+        reason_to_stay=""
+        if requested
+        else f"{assumed}; --apply {FAR_PAIRS}={length}mm leaves them out",
         recompiles=True,
         assumed=assumed,
         members=names,
@@ -470,7 +477,7 @@ def _list_limits_and_tendons(motions: Sequence[Motion], keep: Sequence[str]) -> 
     for joint in limits.find_parts(model):
         change = _zero_fields(joint, limits.fields)
         name = name_of(model, "joint", joint)
-        yield ModelPart("limit", name, None, change, kept="a safeguard")
+        yield ModelPart("limit", name, None, change, reason_to_stay="a safeguard")
     idle = [
         tendon
         for tendon in range(model.ntendon)
@@ -543,7 +550,7 @@ def _list_actuators(checked: CheckedModel, motion: Motion) -> Iterator[ModelPart
         way = float(moves[actuator])
         kept = f"moves its joint by {way:.2g}" if way > ENCODER_ANGLE else "a safeguard"
         moved = way > ENCODER_ANGLE
-        yield ModelPart("actuator", name, None, change, exercised=moved, kept=kept)
+        yield ModelPart("actuator", name, None, change, exercised=moved, reason_to_stay=kept)
 
 
 def find_moving_actuators(motion: Motion, threads: int) -> Floats:

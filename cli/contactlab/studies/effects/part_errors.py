@@ -110,4 +110,4 @@ class MeasuredPart:
             "unused",
             "below the tolerance",
         )
-        return free and not self.part.kept and self.part.edits is not None
+        return free and not self.part.reason_to_stay and self.part.edits is not None

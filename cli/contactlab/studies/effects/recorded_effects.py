@@ -128,7 +128,9 @@ def study_recordings(request: EffectsRequest, session: Session) -> EffectsReport
     for name in request.keep:
         SceneError.unless_known(name, own, f"--keep: no feature '{name}'")
     features = [
-        replace(part, kept=part.kept or "--keep") if part.name in request.keep else part
+        replace(part, reason_to_stay=part.reason_to_stay or "--keep")
+        if part.name in request.keep
+        else part
         for part in features
     ]
     base, *others = _measure_distances(session, setup, _SEARCH, [{}, *map(_settings_of, features)])
@@ -147,10 +149,10 @@ def study_recordings(request: EffectsRequest, session: Session) -> EffectsReport
             verdict=_find_verdict(part, change),
             error=change.share,
             time_ratio=ratio,
-            reason=part.kept,
+            reason=part.reason_to_stay,
             can_go=change.is_closer
             if part.adds
-            else change.is_kept and not part.kept and ratio.is_less(),
+            else change.is_kept and not part.reason_to_stay and ratio.is_less(),
         )
         for part, change, ratio in zip(features, changes, ratios, strict=True)
     ]

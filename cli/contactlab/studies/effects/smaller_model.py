@@ -57,9 +57,10 @@ class SmallerSearch:
         errors: that measures models without parts together.
         base: the model as written, compiled from its files.
         runs: of the model as written, for its verification.
-        allowed: the time limit.
+        time_limit: the time limit.
         write: file of the model; None for the session's folder.
-        kept: parts that stay, since another load needs them, with the measure that was worse.
+        needed_parts: parts that stay, since another load needs them, with the measure that was
+            worse.
         is_late: whether the time limit ended the verification.
     """
 
@@ -69,9 +70,9 @@ class SmallerSearch:
     errors: PartErrors
     base: mujoco.MjModel
     runs: OriginalRuns
-    allowed: TimeLimit
+    time_limit: TimeLimit
     write: Path | None = None
-    kept: dict[str, str] = field(default_factory=dict[str, str])
+    needed_parts: dict[str, str] = field(default_factory=dict[str, str])
     is_late: bool = False
 
     def find_smaller(self, free: Sequence[MeasuredPart]) -> SmallerModel | None:
@@ -158,7 +159,7 @@ class SmallerSearch:
         lossy = [one for one in chosen if not one.part.proof] or chosen
         least = max(lossy, key=lambda one: one.cost)
         chosen.remove(least)
-        self.kept[least.part.name] = reason
+        self.needed_parts[least.part.name] = reason
 
     def _estimate_joint_error(self, parts: Sequence[ModelPart]) -> ErrorEstimate | None:
         lossy = [part for part in parts if not part.proof]
@@ -208,7 +209,7 @@ class SmallerSearch:
             most_seeds=self._panel_size[0],
             length_share=self._panel_size[1],
             runs=self.runs,
-            left=lambda: self.allowed.remaining,
+            find_time_left=lambda: self.time_limit.remaining,
         )
         try:
             found = verify_change(request)
@@ -224,9 +225,9 @@ class SmallerSearch:
 
     def _time_whole_runs(self, made: mujoco.MjModel) -> TimeRatio:
         timing_share = 0.3  # of the remaining time, for the written model
-        least = (1 - timing_share) * self.allowed.remaining
+        least = (1 - timing_share) * self.time_limit.remaining
         (ratio,) = self.clock.time_whole_runs(
-            [(made, 1)], self._list_tasks(), lambda: self.allowed.remaining > max(0.0, least)
+            [(made, 1)], self._list_tasks(), lambda: self.time_limit.remaining > max(0.0, least)
         )
         return ratio
 

@@ -82,7 +82,7 @@ def measure_contacts(
         )
     contacts, missed = list[RestingContact](), list[str]()
     for pair in pairs:
-        solref = " ".join(f"{number:.8g}" for number in pair.solved(words))
+        solref = " ".join(f"{number:.8g}" for number in pair.solve_softness(words))
         changed = with_settings(f'solref="{solref}"')
         again = next(found for found in resting_pairs(changed) if found.law.name == pair.law.name)
         timestep = changed.resolved.timestep

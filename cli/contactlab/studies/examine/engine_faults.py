@@ -90,7 +90,7 @@ def _find_first_times(
         for warning in run.warnings:
             first = int(run.begins[max(0, warning.window - 1)])
             last = int(run.begins[warning.window]) + run.steps
-            kept = run.kept[warning.seed, first:last]
+            kept = run.velocity_states[warning.seed, first:last]
             states += [(first + step, row, KEPT) for step, row in enumerate(kept)]
         for step, state, spec in states:
             if not np.isfinite(state).all():

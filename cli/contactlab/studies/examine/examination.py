@@ -93,7 +93,7 @@ _OF_MOTIONS = {"budget", "facts", "fixes", "servos", "loop"}
 _NOT_JUDGED = {"contacts", "servos", "loop"}
 """Sections that need no verdict of the task."""
 _OF_RUNS = {"labels", "checks", "contacts"}
-SETTINGS = Settings(timed=True)
+SETTINGS = Settings(measures_time=True)
 MAX_CPU = 60.0
 """CPU within which an examination ends, its page included [s]."""
 # Shares of it, after which no more rows that are not judged, no more fixes, and no more runs that
@@ -308,7 +308,7 @@ def _run_task(report: Examination, examined: CheckedModel) -> Examination:
         return report
     budget = examined.budget if examined.moves else None
     labels = tuple(
-        label.model_copy(update={"reason": examined.told(label.reason)})
+        label.model_copy(update={"reason": examined.name_geoms(label.reason)})
         for label in run_labels(report.task, [run.record for run in examined.runs], budget)
     )
     return report.model_copy(update={"task_verdict": examined.verdict, "labels": labels})
@@ -386,7 +386,7 @@ def _measure_budget(
     skipped = tuple(search.not_tried) if search else ()
     report = report.model_copy(
         update={
-            "budget": budget_report(examined.budget, examined.judged, tried),
+            "budget": budget_report(examined.budget, examined.budget_verdict, tried),
             "causes": repaired.causes,
             "fixes": fixes,
             "rejected_fixes": (*repaired.rejected, *(verifier.rejected if verifier else ())),
@@ -434,7 +434,7 @@ def _list_begins(examined: CheckedModel) -> list[float]:
 
 
 def _list_design_causes(examined: CheckedModel, grip: GripReport | None) -> Iterator[Cause]:
-    if examined.judged.word not in PASSING_VERDICTS:
+    if examined.budget_verdict.word not in PASSING_VERDICTS:
         return
     motion = examined.motions[0]
     if grip is not None:
@@ -477,7 +477,7 @@ def _check_model(
         update={
             "checks": tuple(results),
             "findings": tuple(findings),
-            "notes": (*report.notes, *stale, *map(first_names, map(examined.told, idle))),
+            "notes": (*report.notes, *stale, *map(first_names, map(examined.name_geoms, idle))),
         }
     )
 
@@ -490,7 +490,7 @@ def _search_fixes(
     left: Callable[[], float],
 ) -> FixSearch:
     """Return the fixes of a model, with its first causes repaired, that help on new seeds too."""
-    examined, labels, verdict = repaired.examined, repaired.labels, repaired.examined.judged
+    examined, labels, verdict = repaired.examined, repaired.labels, repaired.examined.budget_verdict
     task, threads = examined.task, examined.threads
     if verdict.reasons:
         request.begins(f"{verdict.reasons[0].sentence}; searching a fix")
@@ -550,12 +550,12 @@ def _make_repairer(
                 keeps_start=not elsewhere,
                 allowed_error=examined.task.tolerance,
                 stop_early=True,
-                left=left,
+                find_time_left=left,
             )
         )
 
     def describe(repaired: RepairedModel) -> str:
-        budget = budget_report(repaired.examined.budget, repaired.examined.judged, ())
+        budget = budget_report(repaired.examined.budget, repaired.examined.budget_verdict, ())
         rest = {"budget": budget, "labels": repaired.labels, "findings": (), "facts": ()}
         causes = tuple(list_open_causes(repaired))
         return conclude(report.model_copy(update={**rest, "causes": causes})).headline
@@ -565,7 +565,7 @@ def _make_repairer(
         folder=folder,
         open_model=open_repaired,
         verify=verify,
-        left=left,
+        find_time_left=left,
         describe=describe,
     )
 
@@ -580,7 +580,7 @@ def _make_verifier(
         return open_changed_model(reference, examined.session, request.task)
 
     left = _limit_share(limit, _VERIFYING, examined)
-    return FixVerifier(examined, examined.judged, labels, open_changed, left)
+    return FixVerifier(examined, examined.budget_verdict, labels, open_changed, left)
 
 
 def _write_result(

@@ -90,7 +90,7 @@ def _depths_over_time(
     model, data = motion.model, mujoco.MjData(motion.model)
     ends: NDArray[np.intp] = run.begins[run.valid[0]]
     for place in ends.tolist():
-        mujoco.mj_setState(model, data, run.kept[0, place], KEPT)
+        mujoco.mj_setState(model, data, run.velocity_states[0, place], KEPT)
         mujoco.mj_kinematics(model, data)
         depths = dict[tuple[int, int], float]()
         for field, geom in pairs:

@@ -74,13 +74,13 @@ def edits_of(fix: Fix, scene: Scene) -> ModelEdits:
         posed=fix.changed_keyframes,
         placed=fix.moved_bodies,
         masked=fix.masked_geoms,
-        opened=fix.opened_geoms,
+        widened_masks=fix.opened_geoms,
         servos=fix.position_servos,
         steered=fix.changed_controls,
     )
 
 
-Moved = Callable[[Values, Change, Path | None], Iterable[Sequence[Motion]]]
+MotionLister = Callable[[Values, Change, Path | None], Iterable[Sequence[Motion]]]
 """Returns motions with settings and a changed model, of the scene or of a file."""
 
 
@@ -88,14 +88,14 @@ class TaskRepeats(NamedTuple):
     """How a task is repeated, on its seeds and on new ones.
 
     Attributes:
-        moved: returns its motions.
+        list_motions: returns its motions.
         labelled: yields the labels of its first run with settings, or of the file of a model with
             another start, then of all runs.
         labels: labels of the runs as written.
         finds_harm: returns whether the loads of a verification reject a fix.
     """
 
-    moved: Moved
+    list_motions: MotionLister
     labelled: Callable[[Values, Path | None], Iterable[Sequence[RunLabel]]] = lambda _, __: [()]
     labels: Sequence[RunLabel] = ()
     finds_harm: Callable[["FixSearch", Candidate, ModelEdits], bool] = lambda _, __, ___: False
@@ -191,7 +191,7 @@ class FixSearch:
     def _current_trial(self) -> Trial:
         """How candidates are tried; made on demand, since it refers to this object."""
         harms = partial(self._repeats.finds_harm, self)
-        return replace(self._limits, moved=self._motions_of, finds_harm=harms)
+        return replace(self._limits, list_motions=self._motions_of, finds_harm=harms)
 
     def _by_labels(self, helping: Sequence[TriedFix]) -> list[TriedFix]:
         """Return the fixes, led by one that leaves no label, if there is one.
@@ -254,7 +254,10 @@ class FixSearch:
         """
         runs = 3  # a run, and one with half its step, which has twice the steps
         steps = 2 * runs * rate * steps_of(self._motions)
-        if fix.edits.fitted or steps * count_pace(self._motions) > self._current_trial.left():
+        if (
+            fix.edits.fitted
+            or steps * count_pace(self._motions) > self._current_trial.find_time_left()
+        ):
             return None
         *_, labels = self._repeats.labelled({**self._values, **fix.edits.settings}, None)
         return tuple(labels)
@@ -318,7 +321,7 @@ class FixSearch:
         model = self._motions[0].model
         options = options_changed(model, changed_model(model, candidate))
         if not candidate.same_states:
-            return self._repeats.moved(
+            return self._repeats.list_motions(
                 {**self._values, **options}, as_it_is, self._write_other(candidate)
             )
 
@@ -328,7 +331,7 @@ class FixSearch:
             set_timestep(made, own.opt.timestep)
             return made
 
-        return self._repeats.moved({**self._values, **options}, change, None)
+        return self._repeats.list_motions({**self._values, **options}, change, None)
 
     def _can_begin(self, candidate: Candidate) -> bool:
         """Return whether the changed model has states to begin in."""
@@ -401,7 +404,7 @@ class FixSearch:
         """
         model, steps = self._motions[0].model, 2 * rate * steps_of(self._motions)
         looks = evaluations(model, self._current_trial.settings, drifts=drifts(self._verdict))
-        return looks * steps * count_pace(self._motions) <= self._current_trial.left()
+        return looks * steps * count_pace(self._motions) <= self._current_trial.find_time_left()
 
     def _is_no_worse(self, motions: Sequence[Motion]) -> bool:
         settings = replace(self._current_trial.settings, places=False, timed=False)
@@ -430,7 +433,7 @@ class FixSearch:
             changed_keyframes=edits.posed,
             moved_bodies=edits.placed,
             masked_geoms=edits.masked,
-            opened_geoms=edits.opened,
+            opened_geoms=edits.widened_masks,
             position_servos=edits.servos,
             changed_controls=edits.steered,
             error=tried.error,
@@ -497,7 +500,7 @@ class FixSearch:
             by_word[word] for word in dict.fromkeys(self._current_trial.requested) if word in wanted
         ]
         others = [one for one in self._candidates if one.name in {two.name for two in numerical}]
-        trial = replace(self._current_trial, most=None, left=lambda: math.inf)
+        trial = replace(self._current_trial, most=None, find_time_left=lambda: math.inf)
         for candidates in (accepted, *([*accepted, other] for other in others)):
             whole = joined(candidates)
             tried = try_fixes(self._motions, self._verdict, candidates=[whole], trial=trial)

@@ -72,12 +72,12 @@ class MaskedFall(NamedTuple):
 
     Attributes:
         sentence: the body, where it falls through, and why.
-        opened: geoms that let it have these contacts, their masks, and the new bits; empty if the
-            flag for contacts does.
+        widened_masks: geoms that let it have these contacts, their masks, and the new bits; empty
+            if the flag for contacts does.
     """
 
     sentence: str
-    opened: tuple[tuple[str, str, int], ...]
+    widened_masks: tuple[tuple[str, str, int], ...]
 
 
 def find_masked_fall(motion: Motion) -> MaskedFall | None:
@@ -174,7 +174,7 @@ def _find_passages(
     if lost.size:
         begins = begins[begins + length <= lost[0]]
     for place in map(int, begins):
-        mujoco.mj_setState(model, data, run.kept[0, place], KEPT)
+        mujoco.mj_setState(model, data, run.velocity_states[0, place], KEPT)
         mujoco.mj_kinematics(model, data)
         near = apart & _are_near(model, data, geoms)
         for pair in np.flatnonzero(near):

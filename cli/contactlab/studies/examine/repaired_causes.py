@@ -108,12 +108,12 @@ class RepairedModel:
     def word(self) -> VerdictWord:
         """The verdict that is left."""
         failing = bool(self.labels or self.faults or self.failed_checks)
-        return join_verdict(self.examined.judged.word, failing=failing)
+        return join_verdict(self.examined.budget_verdict.word, failing=failing)
 
     @property
     def complaints(self) -> frozenset[str]:
         """Its faults, its failure labels, and the rows of its budget that do not pass."""
-        reasons = self.examined.judged.reasons
+        reasons = self.examined.budget_verdict.reasons
         rows = {one.row for one in reasons if one.verdict not in PASSING_VERDICTS}
         faults = {fault.rule for fault in self.faults}
         return frozenset(rows | faults | {label.label for label in self.labels})
@@ -129,7 +129,7 @@ class CauseRepairer:
         open_model: opens a written model under the same task, or with another drive, with rows of
             its budget.
         verify: compares a repaired model with the original, and whether it rests elsewhere.
-        left: returns the counted time that is left [s].
+        find_time_left: returns the counted time that is left [s].
         describe: returns the headline of a repaired model.
         meets_fault: whether a known fault of the engine acts in the motions.
     """
@@ -138,7 +138,7 @@ class CauseRepairer:
     folder: Path
     open_model: Callable[[str, Sequence[str], Settings, PolicyDrive | None], CheckedModel]
     verify: Callable[[CheckedModel, bool], VerifiedChange]
-    left: Callable[[], float]
+    find_time_left: Callable[[], float]
     describe: Callable[[RepairedModel], str]
     meets_fault: bool = False
 
@@ -313,9 +313,10 @@ class CauseRepairer:
         if fall is None:
             return model
         edits, name = ModelEdits({"contact": True}), "contacts on"
-        if fall.opened:
-            edits = ModelEdits(opened=fall.opened)
-            name = f"contacts with {' and '.join(dict.fromkeys(mask[0] for mask in fall.opened))}"
+        if fall.widened_masks:
+            edits = ModelEdits(widened_masks=fall.widened_masks)
+            geoms = dict.fromkeys(geom for geom, _, _ in fall.widened_masks)
+            name = f"contacts with {' and '.join(geoms)}"
         repair = Repair(
             "file", fault.sentence, name, "contacts", edits, is_certain=True, rule=fault.rule
         )
@@ -381,7 +382,7 @@ class CauseRepairer:
             changed_keyframes=edits.posed,
             moved_bodies=edits.placed,
             masked_geoms=edits.masked,
-            opened_geoms=edits.opened,
+            opened_geoms=edits.widened_masks,
             position_servos=edits.servos,
             changed_controls=edits.steered,
             error=None,
@@ -417,9 +418,9 @@ class CauseRepairer:
         rows = [row for row in list_rows() if row.kind in _JUDGING]
         quick = Settings(check=False, energy=False)
         step = steps_of(motions) * count_pace(motions)
-        if evaluations(motions[0].model, Settings(), rows) * step <= self.left():
+        if evaluations(motions[0].model, Settings(), rows) * step <= self.find_time_left():
             return [row.name for row in rows], Settings()
-        affords = evaluations(motions[0].model, quick) * step <= self.left()
+        affords = evaluations(motions[0].model, quick) * step <= self.find_time_left()
         return ([], quick) if affords and model.word not in PASSING_VERDICTS else None
 
     def _write_repaired(self, scene: Scene | None, edits: ModelEdits, name: str) -> WrittenModel:

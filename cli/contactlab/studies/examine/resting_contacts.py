@@ -65,7 +65,7 @@ class RestingPair:
             timestep=timestep,
         )
 
-    def solved(self, words: Mapping[str, float]) -> tuple[float, float]:
+    def solve_softness(self, words: Mapping[str, float]) -> tuple[float, float]:
         """Return the solref, in standard form, that has what is asked for; refused with why not."""
         zeta = float(damping_ratio(self.law.solref))
         if "restitution" in words:
@@ -104,7 +104,10 @@ def resting_pairs(examined: CheckedModel) -> Iterator[RestingPair]:
         if not law.inverse_mass:
             continue
         found = RestingPair(
-            law, examined.told(pair.name), record.metrics.get("restitution_measured"), first.name
+            law,
+            examined.name_geoms(pair.name),
+            record.metrics.get("restitution_measured"),
+            first.name,
         )
         resting_share = 0.9  # of the last fifth of the first phase, in which a pair touches
         if last.sum() >= resting_share * fifth:

@@ -36,7 +36,7 @@ class FixVerifier:
         verdict: the verdict that they are against.
         labels: failure labels of the model's runs.
         open_changed: opens the file of a changed model under the same task.
-        left: returns the counted time until verifications end early [s].
+        find_time_left: returns the counted time until verifications end early [s].
         rejected: fixes that were dropped, with the reason.
     """
 
@@ -44,16 +44,18 @@ class FixVerifier:
     verdict: Verdict
     labels: Sequence[RunLabel]
     open_changed: Callable[[str], CheckedModel]
-    left: Callable[[], float]
+    find_time_left: Callable[[], float]
     rejected: list[RejectedFix] = field(default_factory=list[RejectedFix])
     _begun: dict[str, Verification] = field(default_factory=dict[str, Verification])
-    _known: dict[str, VerifiedChange] = field(default_factory=dict[str, VerifiedChange])
+    _verifications: dict[str, VerifiedChange] = field(default_factory=dict[str, VerifiedChange])
     _runs: OriginalRuns = field(default_factory=OriginalRuns)
 
     def finds_harm(self, search: FixSearch, candidate: Candidate, edits: ModelEdits) -> bool:
         """Return whether a load rejects a fix against the verdict, before it is judged further."""
         whole = search.whole_edits(edits)
-        request = self._make_request(search, candidate.name, whole, self.left, removes_verdict=True)
+        request = self._make_request(
+            search, candidate.name, whole, self.find_time_left, removes_verdict=True
+        )
         self._begun[candidate.name] = Verification(request)
         harms = self._begun[candidate.name].run_loads()
         if harms:
@@ -73,7 +75,7 @@ class FixVerifier:
             edits = search.find_edits(first.name)
             removes_verdict = first.removes == "verdict"
             request = self._make_request(
-                search, first.name, edits, self.left, removes_verdict=removes_verdict
+                search, first.name, edits, self.find_time_left, removes_verdict=removes_verdict
             )
             found = self._verify_once(first.name, request)
             if found.passed:
@@ -151,11 +153,11 @@ class FixVerifier:
             allowed_error=self.examined.task.tolerance if numerical else 0.0,
             stop_early=True,
             runs=self._runs,
-            left=left,
+            find_time_left=left,
         )
 
     def _verify_once(self, name: str, request: VerificationRequest) -> VerifiedChange:
-        known = self._known.get(name)
+        known = self._verifications.get(name)
         if known is not None and not known.ended_early:
             return known
         begun = self._begun.pop(name, None) or Verification(request)
@@ -168,7 +170,7 @@ class FixVerifier:
         if found.identical:
             sentence = "its runs are bit for bit those of the model as written"
             found = found.model_copy(update={"passed": False, "sentence": sentence})
-        self._known[name] = found
+        self._verifications[name] = found
         return found
 
     def _open_edited(self, search: FixSearch, name: str, edits: ModelEdits) -> CheckedModel:

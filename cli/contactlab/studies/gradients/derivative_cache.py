@@ -24,7 +24,9 @@ class DerivativeCache:
 
     session: Session
     question: str
-    found: dict[str, list[GradientInput]] = field(default_factory=dict[str, list[GradientInput]])
+    derivatives: dict[str, list[GradientInput]] = field(
+        default_factory=dict[str, list[GradientInput]]
+    )
 
     @classmethod
     def of(cls, session: Session, question: Mapping[str, object]) -> "DerivativeCache":
@@ -35,10 +37,10 @@ class DerivativeCache:
 
     def get(self, parameter: str, first: int) -> Sequence[GradientInput] | None:
         """Return the derivatives with respect to a parameter from a place on, or None."""
-        return self.found.get(f"{parameter} {first}")
+        return self.derivatives.get(f"{parameter} {first}")
 
     def add(self, parameter: str, first: int, derivatives: Sequence[GradientInput]) -> None:
         """Store derivatives, and drop those of other questions."""
-        self.found[f"{parameter} {first}"] = [*derivatives]
-        text = TypeAdapter(_CachedDerivatives).dump_json({self.question: self.found}).decode()
+        self.derivatives[f"{parameter} {first}"] = [*derivatives]
+        text = TypeAdapter(_CachedDerivatives).dump_json({self.question: self.derivatives}).decode()
         self.session.write({CACHE_FILE: text + "\n"})

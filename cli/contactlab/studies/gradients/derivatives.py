@@ -67,7 +67,7 @@ class Differentiation:
             for value in values
         ]
         moved = [
-            parameter.moved(point, float(value))
+            parameter.with_value(point, float(value))
             for point, each in zip(points, around, strict=True)
             for value in each
         ]
@@ -78,7 +78,7 @@ class Differentiation:
         fine, coarse = (
             self._end_values(
                 [
-                    step.moved(parameter, value)
+                    step.with_value(parameter, value)
                     for point, value in zip(points, values, strict=True)
                     for step in self._smoothing_runs(point, coarser)
                 ],
@@ -137,7 +137,7 @@ class Differentiation:
         for name, method in self.methods.items():
             given = replace(point, values={**point.values, **method.settings})
             sides = (value, value + spread, value - spread)
-            runs = self.subject.prepare([parameter.moved(given, side) for side in sides])
+            runs = self.subject.prepare([parameter.with_value(given, side) for side in sides])
             told[name] = method.derivative(runs, self.subject.place, 2 * spread)
         return told
 
@@ -148,7 +148,7 @@ class Differentiation:
         timestep = self.subject.resolve(point).timestep
         for step in (timestep, timestep / 2, timestep / 4):
             ends = self.subject.end_values(
-                [parameter.moved(point.at_step(step), float(each)) for each in points]
+                [parameter.with_value(point.at_step(step), float(each)) for each in points]
             )
             rungs += [
                 LadderRung(step=step, span=float(span), value=difference)
@@ -164,8 +164,8 @@ class _Smoothed:
     point: Point
     offset: float  # over the parameter's scale
 
-    def moved(self, parameter: Parameter, value: float) -> Point:
-        return parameter.moved(self.point, value + self.offset * parameter_scale(value))
+    def with_value(self, parameter: Parameter, value: float) -> Point:
+        return parameter.with_value(self.point, value + self.offset * parameter_scale(value))
 
 
 def influence(by: GradientInput) -> float:

@@ -91,7 +91,7 @@ def differentiate_scene(request: GradientsRequest, session: Session) -> Gradient
     for parameter, point in product(parameters, points):
         value = parameter.at(subject, point)  # raises an error before anything runs
         for reach in (-PLAN.wide_spans[0], PLAN.wide_spans[0]):
-            parameter.moved(point, value + float(reach) * parameter_scale(value))
+            parameter.with_value(point, value + float(reach) * parameter_scale(value))
     session.claim("gradients", request.source)
     store = session.run(sweep)
     finer = request.refinement or (2 if is_map else 4)

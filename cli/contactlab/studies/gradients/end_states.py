@@ -34,7 +34,7 @@ class Point:
     """One run: values by axis, and initial coordinates by their index."""
 
     values: Values
-    moved: Mapping[int, float]
+    changed_values: Mapping[int, float]
 
     def at_step(self, timestep: float) -> "Point":
         """Return the run with another timestep [s]."""
@@ -180,10 +180,10 @@ class Parameter:
                 f"--input {self.name}: it is no number of this scene; give it one with --set"
             ) from None
 
-    def moved(self, point: Point, value: float) -> Point:
+    def with_value(self, point: Point, value: float) -> Point:
         """Return a run with another value; a SweepFileError says that the value is not allowed."""
         if self.place is not None:
-            return replace(point, moved={**point.moved, self.place: value})
+            return replace(point, changed_values={**point.changed_values, self.place: value})
         try:
             parsed = self.parse(value)
         except ValueError as error:
@@ -195,12 +195,12 @@ class Parameter:
 
 def _moved_starts(starts: InitialStates, points: Sequence[Point]) -> InitialStates:
     """Return starts with the changed coordinates of points."""
-    if not any(point.moved for point in points):
+    if not any(point.changed_values for point in points):
         return starts
     sizes = np.cumsum([getattr(starts, part).shape[1] for part in STATE_PARTS])[:-1]
     rows = np.concatenate([getattr(starts, part) for part in STATE_PARTS], axis=1)
     for row, point in zip(rows, points, strict=True):
-        row[list(point.moved)] = list(point.moved.values())
+        row[list(point.changed_values)] = list(point.changed_values.values())
     parts = np.split(rows, sizes, axis=1)
     return starts._replace(**dict(zip(STATE_PARTS, parts, strict=True)))
 

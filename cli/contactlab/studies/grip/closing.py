@@ -90,7 +90,7 @@ class Closing:
     """How a hand closes.
 
     Attributes:
-        opened, closed: (nu,) controls.
+        open_controls, closed_controls: (nu,) controls.
         opening: largest clearance of the facing surfaces [m].
         pairs: facing geoms, one of each side.
         path: (K, nq) configurations while the hand closes on nothing, the first opened.
@@ -98,8 +98,8 @@ class Closing:
         gaps: (K,) mean clearance of the pairs [m].
     """
 
-    opened: Floats
-    closed: Floats
+    open_controls: Floats
+    closed_controls: Floats
     opening: float
     pairs: tuple[tuple[int, int], ...]
     path: Floats
@@ -108,7 +108,7 @@ class Closing:
 
     def control_at(self, share: float) -> Floats:
         """Return (nu,) controls at a share of the way from opened to closed."""
-        return self.opened + share * (self.closed - self.opened)
+        return self.open_controls + share * (self.closed_controls - self.open_controls)
 
 
 @dataclass(frozen=True)
@@ -526,7 +526,7 @@ def squeeze_object(fixture: GripFixture, closing: Closing, centre: Floats | None
             f"{1e3 * min(deep):.3g} mm; give a smaller or flatter one with --object"
         )
     for approach in tried:
-        first = close_at(fixture, closing, approach, closing.closed)
+        first = close_at(fixture, closing, approach, closing.closed_controls)
         if not first.is_held:
             continue
         # The nearest points of flat pads may be corners, so the pads' center is taken from the
@@ -538,9 +538,9 @@ def squeeze_object(fixture: GripFixture, closing: Closing, centre: Floats | None
         centred = replace(
             approach, point=inner, turn=_object_frame(fixture, inner, approach.turn[:, 0])
         )
-        second = close_at(fixture, closing, centred, closing.closed)
+        second = close_at(fixture, closing, centred, closing.closed_controls)
         return second if second.is_held else first
-    return close_at(fixture, closing, tried[0], closing.closed)
+    return close_at(fixture, closing, tried[0], closing.closed_controls)
 
 
 def _initial_pose(fixture: GripFixture, closing: Closing, approach: Approach) -> Floats:

@@ -39,7 +39,7 @@ def film_writer(
 
 
 def _film_chapters(grip: Grip, rate: int) -> Iterator[Chapter]:
-    model, held = grip.fixture.model, grip.held
+    model, held = grip.fixture.model, grip.squeeze
     every = max(1, round(1 / (rate * model.opt.timestep)))
     row = held.row.copy()
     worst = worst_drift(grip.measure_drifts())

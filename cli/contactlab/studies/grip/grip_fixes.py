@@ -35,7 +35,7 @@ class Grip:
 
     Attributes:
         fixture: hand and object.
-        held: the object in closed fingers.
+        squeeze: the object in closed fingers.
         load: the load on it.
         names: names of the directions out of the hand and back.
         closing: how the hand closes; None for a keyframe.
@@ -44,7 +44,7 @@ class Grip:
     """
 
     fixture: GripFixture
-    held: Squeeze
+    squeeze: Squeeze
     load: Load
     names: tuple[str, str]
     closing: Closing | None
@@ -52,65 +52,65 @@ class Grip:
 
     def directions(self) -> dict[str, Floats]:
         """Return the directions of loads."""
-        return load_directions(self.held, self.names)
+        return load_directions(self.squeeze, self.names)
 
     @property
     def depth_share(self) -> float:
         """Depth over half of the object's extent from finger to finger."""
         turn = np.empty(9)
         place = self.fixture.address + 3
-        mujoco.mju_quat2Mat(turn, self.held.path[-1][place : place + 4])
-        half = float(np.abs(turn.reshape(3, 3).T @ self.held.turn[:, 0]) @ self.fixture.half)
-        return self.held.depth / half
+        mujoco.mju_quat2Mat(turn, self.squeeze.path[-1][place : place + 4])
+        half = float(np.abs(turn.reshape(3, 3).T @ self.squeeze.turn[:, 0]) @ self.fixture.half)
+        return self.squeeze.depth / half
 
     def measure_drifts(self) -> tuple[Drift, ...]:
         """Return the drifts in all directions; the first is without a further load."""
         seconds = 2.0  # of a run in each direction
-        return measure_drifts(self.fixture, self.held, self.load, self.directions(), seconds)
+        return measure_drifts(self.fixture, self.squeeze, self.load, self.directions(), seconds)
 
     def with_model(self, model: mujoco.MjModel) -> "Grip":
         """Return the grip of a changed model: closed again, or continued from the keyframe."""
         fixture = replace(self.fixture, model=model)
         if self.closing is None or self.close_again is None:
-            held = self._held_on(fixture, self.held.control)
-            return replace(self, fixture=fixture, held=self._frame_squeeze(held))
+            held = self._held_on(fixture, self.squeeze.control)
+            return replace(self, fixture=fixture, squeeze=self._frame_squeeze(held))
         closing, held = self.close_again(fixture)
-        if held.approach is not None and not np.array_equal(held.control, self.held.control):
+        if held.approach is not None and not np.array_equal(held.control, self.squeeze.control):
             held = replace(
-                close_at(fixture, closing, held.approach, self.held.control), turn=held.turn
+                close_at(fixture, closing, held.approach, self.squeeze.control), turn=held.turn
             )
-        return replace(self, fixture=fixture, closing=closing, held=held)
+        return replace(self, fixture=fixture, closing=closing, squeeze=held)
 
     def with_control(self, control: Floats) -> "Grip":
         """Return the grip with another final control."""
-        if self.closing is not None and self.held.approach is not None:
-            held = close_at(self.fixture, self.closing, self.held.approach, control)
+        if self.closing is not None and self.squeeze.approach is not None:
+            held = close_at(self.fixture, self.closing, self.squeeze.approach, control)
         else:
             held = self._held_on(self.fixture, control)
-        return replace(self, held=self._frame_squeeze(held))
+        return replace(self, squeeze=self._frame_squeeze(held))
 
     def closed_again(self, control: Floats) -> "Grip":
         """Return the grip closed on the object from the start, with another final control."""
         if self.closing is not None:
             return self.with_control(control)
-        data = data_at(self.fixture.model, self.held.row)
-        data.qpos[:], data.qvel[:], data.qacc_warmstart[:] = self.held.path[0], 0, 0
-        begun = replace(self.held, row=state_row(self.fixture.model, data), control=control)
-        grip = replace(self, held=begun)
-        return replace(grip, held=grip._frame_squeeze(grip._held_on(grip.fixture, control)))
+        data = data_at(self.fixture.model, self.squeeze.row)
+        data.qpos[:], data.qvel[:], data.qacc_warmstart[:] = self.squeeze.path[0], 0, 0
+        begun = replace(self.squeeze, row=state_row(self.fixture.model, data), control=control)
+        grip = replace(self, squeeze=begun)
+        return replace(grip, squeeze=grip._frame_squeeze(grip._held_on(grip.fixture, control)))
 
     def _frame_squeeze(self, held: Squeeze) -> Squeeze:
-        return replace(held, turn=self.held.turn, sucks=self.held.sucks)
+        return replace(held, turn=self.squeeze.turn, sucks=self.squeeze.sucks)
 
     def _held_on(self, fixture: GripFixture, control: Floats) -> Squeeze:
         """Continue from the keyframe to a control, with a weightless object."""
         adapt_seconds = 0.5  # for a held object to adapt to a change
         steps = max(2, round(adapt_seconds / fixture.model.opt.timestep))
         share = np.minimum(1, np.linspace(0, 2, steps))[:, None]
-        controls = self.held.control + share * (control - self.held.control)
+        controls = self.squeeze.control + share * (control - self.squeeze.control)
         lifted = repeat_input(self.load.load_forces(np.zeros(3)), 1, steps)
-        rolled = roll_out(fixture.model, self.held.row[None], controls[None], lifted)
-        return measure_squeeze(fixture, rolled.rows[0], control, self.held.turn, rolled.qpos[0])
+        rolled = roll_out(fixture.model, self.squeeze.row[None], controls[None], lifted)
+        return measure_squeeze(fixture, rolled.rows[0], control, self.squeeze.turn, rolled.qpos[0])
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,7 @@ def run_fixes(grip: Grip, within: float) -> list[TestedFix]:
             less = f"{fix.name} and "
             if fix.deep <= MOST_DEPTH:
                 break
-    model, geoms = grip.fixture.model, grip.held.geoms
+    model, geoms = grip.fixture.model, grip.squeeze.geoms
     fixes = [fix for entry in CATALOGUE.values() for fix in entry.grip_fixes]
     for candidate in count_steps(fixes, "fixes", len(fixes)):
         if candidate.change is None:
@@ -175,9 +175,9 @@ def run_fixes(grip: Grip, within: float) -> list[TestedFix]:
     steps = max(2, round(timed_seconds / model.opt.timestep))
     down = grip.directions()[grip.names[1]]
     forces = grip.load.load_forces(grip.load.gravity * down).ravel()
-    inputs = np.tile(np.concatenate([grip.held.control, forces]), (1, steps, 1))
+    inputs = np.tile(np.concatenate([grip.squeeze.control, forces]), (1, steps, 1))
     kinds = int(mujoco.mjtState.mjSTATE_CTRL) | int(mujoco.mjtState.mjSTATE_XFRC_APPLIED)
-    motion = Motion(model, grip.held.row[None], inputs, kinds, "held")
+    motion = Motion(model, grip.squeeze.row[None], inputs, kinds, "held")
     states = sample_states(motion)
     own = count_step_seconds(motion, model, states)
     costs = {
@@ -200,20 +200,24 @@ def run_fixes(grip: Grip, within: float) -> list[TestedFix]:
 
 def _ease_squeeze(grip: Grip) -> Iterator[tuple[Grip, TestedFix]]:
     # Each grip is closed again with less squeeze.
-    own = sum(grip.closed_again(grip.held.control).held.forces)
+    own = sum(grip.closed_again(grip.squeeze.control).squeeze.forces)
     ends = control_ranges(grip.fixture.model)
-    opened = grip.closing.opened if grip.closing else _squeezing_ends(grip, ends, own, opens=True)
+    opened = (
+        grip.closing.open_controls if grip.closing else _squeezing_ends(grip, ends, own, opens=True)
+    )
     halvings = 10  # of the way to the opened control, for a share of the squeeze
     low = 0.0
     for share in (0.25, 0.06, 0.015):
         high = 1.0
         for _ in range(halvings):
             middle = (low + high) / 2
-            tried = grip.closed_again(grip.held.control + middle * (opened - grip.held.control))
-            more = sum(tried.held.forces) > share * own
+            tried = grip.closed_again(
+                grip.squeeze.control + middle * (opened - grip.squeeze.control)
+            )
+            more = sum(tried.squeeze.forces) > share * own
             low, high = (middle, high) if more else (low, middle)
-        tried = grip.closed_again(grip.held.control + low * (opened - grip.held.control))
-        left, deep = sum(tried.held.forces) / own, tried.depth_share
+        tried = grip.closed_again(grip.squeeze.control + low * (opened - grip.squeeze.control))
+        left, deep = sum(tried.squeeze.forces) / own, tried.depth_share
         name = f"{left:.2g} times the squeeze"
         yield tried, TestedFix(name, "penetration", {}, tried.measure_drifts(), deep, None, True)
 
@@ -243,9 +247,9 @@ def double_squeeze(grip: Grip) -> tuple[Floats, float] | None:
 
     None if the control ranges leave nothing to add.
     """
-    ends, control = control_ranges(grip.fixture.model), grip.held.control
-    own = sum(grip.held.forces)
-    target = grip.closing.closed if grip.closing else _squeezing_ends(grip, ends, own)
+    ends, control = control_ranges(grip.fixture.model), grip.squeeze.control
+    own = sum(grip.squeeze.forces)
+    target = grip.closing.closed_controls if grip.closing else _squeezing_ends(grip, ends, own)
     if own <= 0 or np.allclose(
         target, control, rtol=0, atol=SUM_ROUNDING * (1 + np.abs(ends).max())
     ):
@@ -254,7 +258,7 @@ def double_squeeze(grip: Grip) -> tuple[Floats, float] | None:
     best, most = control, own
     for share in (0.125, 0.25, 0.5, 1.0):  # of the way to the end of the control ranges
         tried = control + share * (target - control)
-        force = sum(grip.with_control(tried).held.forces)
+        force = sum(grip.with_control(tried).squeeze.forces)
         if force > most:
             best, most = tried, force
         if most >= factor * own:
@@ -264,16 +268,16 @@ def double_squeeze(grip: Grip) -> tuple[Floats, float] | None:
 
 def _squeezing_ends(grip: Grip, ends: Floats, own: float, *, opens: bool = False) -> Floats:
     """Return the ends of control ranges that add to the squeeze, or take from it."""
-    target = grip.held.control.copy()
+    target = grip.squeeze.control.copy()
     close = grip.closed_again if opens else grip.with_control
     for control in range(len(target)):
         for end in ends[control]:
             if end == target[control]:
                 continue
             # A twentieth of the way shows the sign, and moves little else.
-            tried = grip.held.control.copy()
+            tried = grip.squeeze.control.copy()
             tried[control] += (end - tried[control]) / 20
-            more = (sum(close(tried).held.forces) - own) * (-1 if opens else 1)
+            more = (sum(close(tried).squeeze.forces) - own) * (-1 if opens else 1)
             if 20 * more > _LEAST_SQUEEZE * own:
                 target[control] = end
                 break

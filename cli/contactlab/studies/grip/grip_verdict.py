@@ -52,7 +52,7 @@ class GripEvidence:
         pressed: whether two sides press on the object.
         pull, weight: smallest holding force, and weight of the object [N].
         deep: depth over half of the object's width.
-        tried: speeds with fixes, by the cause that they test.
+        speeds_with_fixes: speeds with fixes, by the cause that they test.
         tolerance: largest speed of an object that does not creep [m/s].
     """
 
@@ -63,12 +63,12 @@ class GripEvidence:
     pull: float
     weight: float
     deep: float
-    tried: Mapping[str, float]
+    speeds_with_fixes: Mapping[str, float]
     tolerance: float
 
     def is_halved_by(self, name: str) -> bool:
         """Return whether a fix halves the speed at least, or holds an object that was lost."""
-        left = self.tried.get(name, math.inf)
+        left = self.speeds_with_fixes.get(name, math.inf)
         return math.isfinite(left) and left <= _HALVED_SHARE * self.speed
 
 
@@ -116,12 +116,12 @@ def _first_cause(known: GripEvidence) -> tuple[CauseKind, str] | None:
         if known.is_halved_by(against):
             return kind, text
     unknown: CauseKind = "unknown"
-    return (unknown, "no tested change halves the speed") if known.tried else None
+    return (unknown, "no tested change halves the speed") if known.speeds_with_fixes else None
 
 
 def _regularized_cause(known: GripEvidence) -> str:
     text = "MuJoCo's friction is regularized, so that a held body creeps under any load"
-    more = known.tried.get("friction", math.nan)
+    more = known.speeds_with_fixes.get("friction", math.nan)
     if math.isnan(more) or more < _HALVED_SHARE * known.speed:
         return text
     if not math.isfinite(more):

@@ -67,7 +67,7 @@ class GripRequest:
 
     Attributes:
         model: a scene, its folder, a model file, or a robot.
-        held: the object, see `read_object`; in a keyframe, the body.
+        held_body: the object, see `read_object`; in a keyframe, the body.
         keyframe: a keyframe with a held object.
         squeeze: force of a finger [N]; default: the force at the ends of control ranges.
         base: the body that carries the fingers.
@@ -80,7 +80,7 @@ class GripRequest:
     """
 
     model: str
-    held: str | None = None
+    held_body: str | None = None
     keyframe: str | None = None
     squeeze: float | None = None
     base: str | None = None
@@ -97,7 +97,7 @@ class _Setup:
 
     grip: Grip
     mounted_hand: MountedHand | None
-    given: GrippedObject | None
+    given_object: GrippedObject | None
     notes: tuple[str, ...] = ()
 
 
@@ -112,7 +112,7 @@ def judge_grip(request: GripRequest) -> GripReport:
         begin_step("closing the hand")
         setup = _read_keyframe(request) if request.keyframe else _mount_and_close(request)
         grip = setup.grip
-        force = weakest_finger_force(grip.held)
+        force = weakest_finger_force(grip.squeeze)
         request.notify(f"closed on {_object_words(setup)} with {force:.3g} N per finger; loading")
         begin_step("pulling in six directions")
         drifts = grip.measure_drifts()
@@ -123,10 +123,11 @@ def judge_grip(request: GripRequest) -> GripReport:
         across = dict(list(directions.items())[:4])
         begin_step("shaking and turning")
         trials = [
-            each(grip.fixture, grip.held, grip.load, down) for each in (shake_object, turn_object)
+            each(grip.fixture, grip.squeeze, grip.load, down)
+            for each in (shake_object, turn_object)
         ]
         begin_step("pulling it out")
-        direction, pull = pull_object(grip.fixture, grip.held, grip.load, across)
+        direction, pull = pull_object(grip.fixture, grip.squeeze, grip.load, across)
         tried = list[TestedFix]()
         if word != "holds" and request.fixes:
             request.notify(f"it {word}; testing fixes")
@@ -147,11 +148,11 @@ def judge_grip(request: GripRequest) -> GripReport:
         word=word,
         speed=worst_speed(drifts),
         idle=drifts[0].speed if setup.mounted_hand else 0.0,
-        pressed=grip.held.is_held,
+        pressed=grip.squeeze.is_held,
         pull=pull,
         weight=object_weight(grip.fixture, grip.load),
         deep=deep,
-        tried=speeds,
+        speeds_with_fixes=speeds,
         tolerance=request.tolerance,
     )
     why = tuple(GripCause(kind=kind, sentence=text) for kind, text in find_causes(known))
@@ -159,7 +160,7 @@ def judge_grip(request: GripRequest) -> GripReport:
     model = grip.fixture.model
     pressing = zip(
         [*(finger[0] for finger in grip.fixture.fingers), grip.fixture.base],
-        grip.held.forces,
+        grip.squeeze.forces,
         strict=True,
     )
     fingers = [
@@ -188,7 +189,7 @@ def judge_grip(request: GripRequest) -> GripReport:
         opening=grip.closing.opening if grip.closing else None,
         controls=tuple(_control_rows(grip)),
         fingers=tuple(fingers),
-        depth=grip.held.depth,
+        depth=grip.squeeze.depth,
         depth_share=known.deep,
         weight=known.weight,
         drifts=tuple(map(_drift_report, drifts)),
@@ -218,20 +219,20 @@ def _read_keyframe(request: GripRequest) -> _Setup:
         raise SweepFileError("--squeeze would be ignored: a keyframe is judged with its controls")
     model, _, notes = _compile_request(request)
     assert request.keyframe is not None
-    fixture, held = find_held_object(model, request.keyframe, request.held, request.base)
+    fixture, held = find_held_object(model, request.keyframe, request.held_body, request.base)
     grip = Grip(fixture, held, Load.of_object(fixture), ("up", "down"), None)
     return _Setup(grip, None, None, notes)
 
 
 def _mount_and_close(request: GripRequest) -> _Setup:
-    given = read_object(request.held)
+    given = read_object(request.held_body)
     model, spec, notes = _compile_request(request)
     hand = find_hand(model, request.base)
     mounted_hand = mount_hand(spec, model, hand, given.name if given.shape == "body" else "")
     fixture = add_object(mounted_hand, given)
     closing = find_closing(fixture)
     centre = None
-    if request.held is None:
+    if request.held_body is None:
         given, fixture, held = _squeeze_default_object(mounted_hand, fixture, closing)
     else:
         box = replace(DEFAULT_OBJECT, size=(2 * float(fixture.half[0]), *DEFAULT_OBJECT.size[1:]))
@@ -286,8 +287,8 @@ def _squeeze_default_object(
 
 
 def _object_words(setup: _Setup) -> str:
-    if setup.given is not None:
-        return setup.given.words
+    if setup.given_object is not None:
+        return setup.given_object.words
     fixture = setup.grip.fixture
     return f"body {fixture.model.body(fixture.body).name}"
 
@@ -307,11 +308,11 @@ def _control_rows(grip: Grip) -> Iterator[GripControl]:
     """Yield the controls that close, with the forces of their actuators."""
     model = grip.fixture.model
     data = mujoco.MjData(model)
-    mujoco.mj_setState(model, data, grip.held.row, mujoco.mjtState.mjSTATE_INTEGRATION.value)
+    mujoco.mj_setState(model, data, grip.squeeze.row, mujoco.mjtState.mjSTATE_INTEGRATION.value)
     mujoco.mj_forward(model, data)
     for actuator in range(model.nu):
-        opened = None if grip.closing is None else float(grip.closing.opened[actuator])
-        if opened is not None and opened == grip.held.control[actuator]:
+        opened = None if grip.closing is None else float(grip.closing.open_controls[actuator])
+        if opened is not None and opened == grip.squeeze.control[actuator]:
             continue
         force = float(data.actuator_force[actuator])
         limited = bool(model.actuator_forcelimited[actuator])
@@ -319,7 +320,7 @@ def _control_rows(grip: Grip) -> Iterator[GripControl]:
         yield GripControl(
             name=model.actuator(actuator).name,
             open_control=opened,
-            closed_control=float(grip.held.control[actuator]),
+            closed_control=float(grip.squeeze.control[actuator]),
             force=force,
             limit=None if most is None else abs(most),
         )
@@ -330,33 +331,40 @@ def _placement_rows(
 ) -> Iterator[GripPlacement]:
     """Yield the grip with the unchanged object, with it elsewhere, and with other sizes."""
     grip = setup.grip
-    begun = grip.held.approach
-    if setup.mounted_hand is None or grip.closing is None or begun is None or not grip.held.is_held:
+    begun = grip.squeeze.approach
+    if (
+        setup.mounted_hand is None
+        or grip.closing is None
+        or begun is None
+        or not grip.squeeze.is_held
+    ):
         return
     yield _placement_row("as it is", grip, drifts, within)
-    fixture, turn = grip.fixture, grip.held.turn
+    fixture, turn = grip.fixture, grip.squeeze.turn
     for name, axis in (("half a width aside", 1), ("half a length further out", 2)):
         offset = turn[:, axis] * fixture.half[axis]
         approach = replace(begun, point=begun.point + offset / 2, turn=turn)
-        held = close_at(fixture, grip.closing, approach, grip.held.control)
-        moved = replace(grip, held=replace(held, turn=turn))
+        held = close_at(fixture, grip.closing, approach, grip.squeeze.control)
+        moved = replace(grip, squeeze=replace(held, turn=turn))
         yield _placement_row(name, moved, moved.measure_drifts(), within)
-    if setup.given is None or setup.given.shape in ("body", "mesh"):
+    if setup.given_object is None or setup.given_object.shape in ("body", "mesh"):
         return
     for name, factor in (("a tenth smaller", 0.9), ("a tenth larger", 1.1)):
-        other = add_object(setup.mounted_hand, setup.given.scale_extents(factor))
+        other = add_object(setup.mounted_hand, setup.given_object.scale_extents(factor))
         try:
-            held = squeeze_object(other, grip.closing, grip.held.points.mean(axis=0))
+            held = squeeze_object(other, grip.closing, grip.squeeze.points.mean(axis=0))
         except SceneError:
             continue  # it does not fit between the fingers, or they do not close as far
-        sized = replace(grip, fixture=other, held=held, load=Load.of_all(other, grip.load.gravity))
+        sized = replace(
+            grip, fixture=other, squeeze=held, load=Load.of_all(other, grip.load.gravity)
+        )
         yield _placement_row(name, sized, sized.measure_drifts(), within)
 
 
 def _placement_row(name: str, grip: Grip, drifts: Sequence[Drift], within: float) -> GripPlacement:
     return GripPlacement(
         name=name,
-        force=weakest_finger_force(grip.held),
+        force=weakest_finger_force(grip.squeeze),
         speed=worst_speed(drifts),
         verdict=verdict_of(drifts, within, grip.depth_share),
     )
@@ -419,13 +427,13 @@ def _grip_sentence(
     fixes: Sequence[GripFix],
 ) -> str:
     """Return the verdict in one sentence: speed, direction, time of loss, cause and fix."""
-    worst, force = worst_drift(drifts), weakest_finger_force(setup.grip.held)
+    worst, force = worst_drift(drifts), weakest_finger_force(setup.grip.squeeze)
     what = _object_words(setup)
     if word == "holds":
         where = f" ({worst.name})" if worst.speed > 0 else ""
         return f"holds {what}: at most {_speed_text(worst.speed)}{where}, {force:.3g} N per finger"
     reason = f": {why[0].sentence}" if why else ""
-    if not setup.grip.held.is_held:
+    if not setup.grip.squeeze.is_held:
         text = f"drops {what}{reason}"
     elif word == "penetrates":
         text = f"penetrates {what}, which stays{reason}"

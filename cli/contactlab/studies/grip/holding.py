@@ -80,7 +80,7 @@ class Drift:
         trend: of these speeds.
         speed: at the end; if it fades, the mean over the next ten seconds; if it is uneven, the
             mean of all quarters except the first [m/s].
-        left: distance until the pads no longer cover it [m].
+        distance_left: distance until the pads no longer cover it [m].
         lost: time of that [s]; infinite if never.
         path: (K, 3) in the base frame [m].
     """
@@ -90,7 +90,7 @@ class Drift:
     speeds: tuple[float, ...]
     trend: GripTrend
     speed: float
-    left: float
+    distance_left: float
     lost: float
     path: Floats
 

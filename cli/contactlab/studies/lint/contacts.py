@@ -32,11 +32,11 @@ SHELL = Limit(
     "m",
     "warn",
     1e-4,
-    shown=MILLIMETRES,
+    printed_unit=MILLIMETRES,
     exceeded="margin lets contact force start {} before touch",
 )
 """A margin may be as large as the accepted penetration."""
-SOFTNESS = Limit("softness", "s", "warn", 0.02, shown=MILLISECONDS)
+SOFTNESS = Limit("softness", "s", "warn", 0.02, printed_unit=MILLISECONDS)
 """1 / sqrt(K) of the engine's default solref."""
 
 

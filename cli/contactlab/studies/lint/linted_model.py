@@ -67,13 +67,13 @@ class ShortKeyframe(NamedTuple):
 
     Attributes:
         attribute: such as `qpos`.
-        written: count of its numbers.
+        count: count of its numbers.
         needed: count of the model's.
         place: of its element.
     """
 
     attribute: str
-    written: int
+    count: int
     needed: int
     place: Place
 

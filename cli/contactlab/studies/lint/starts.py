@@ -30,7 +30,7 @@ class _Beyond(NamedTuple):
     low: float
     high: float
     place: int
-    held: bool = False  # held there by loads
+    is_held: bool = False  # held there by loads
 
     @property
     def nearest(self) -> float:
@@ -53,12 +53,12 @@ def _joints_out_of_range(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator
         rows = limit_rows(data, joint)
         if rows is not None and not low - slack <= value <= high + slack:
             name, held = f"joint '{model.joint(joint).name}'", is_in_equilibrium(model, data, rows)
-            yield _Beyond(name, value, low, high, place, held=held)
+            yield _Beyond(name, value, low, high, place, is_held=held)
 
 
 def _pushed_back(model: mujoco.MjModel, data: mujoco.MjData) -> list[_Beyond]:
     """Return the joints that their limits push back, without a load that holds them."""
-    return [one for one in _joints_out_of_range(model, data) if not one.held]
+    return [one for one in _joints_out_of_range(model, data) if not one.is_held]
 
 
 def largest_excess(model: mujoco.MjModel, data: mujoco.MjData) -> float:
@@ -104,7 +104,7 @@ def find_keyframes_of_wrong_length(linted: LintedModel) -> Iterator[Fault]:
     for name, short in linted.short_keyframes.items():
         rest = f"those of {QPOS0}" if short.attribute == "qpos" else "zeros"
         yield Fault(
-            f"keyframe '{name}' has {short.written} numbers in {short.attribute}, and the model "
+            f"keyframe '{name}' has {short.count} numbers in {short.attribute}, and the model "
             f"{short.needed}: MuJoCo appends {rest}, so values may act on other joints than meant; "
             f"write {short.needed}",
             short.place,

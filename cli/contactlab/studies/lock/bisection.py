@@ -60,27 +60,29 @@ class SweepOutcomes:
     """The runs of a sweep under several releases, with their stores in one folder.
 
     `run` runs or resumes the sweep into a store with a release; a ContactlabError says that it
-    cannot. `asked` names the checks of the comparison that count.
+    cannot. `check_names` names the checks of the comparison that count.
     """
 
     folder: Path
     run: Callable[[Path, str], None]
     policy: ComparePolicy
-    asked: Sequence[str] = ()
+    check_names: Sequence[str] = ()
     good: str = field(default="", init=False)
     names: frozenset[str] = field(default=frozenset(), init=False)
 
     def begin(self, good: str, bad: str) -> None:
         """Find the differences of the two ends; raise an ExpectationError without any."""
         self.good = good
-        report = self.compared(good, bad)
-        for name in self.asked:
+        report = self.compare_releases(good, bad)
+        for name in self.check_names:
             known = [check.name for check in report.findings]
             PolicyError.unless_known(name, known, f"there is no check '{name}'")
         found = [
-            check for check in report.findings if check.name in self.asked and _is_different(check)
+            check
+            for check in report.findings
+            if check.name in self.check_names and _is_different(check)
         ]
-        if not self.asked:
+        if not self.check_names:
             found = next(filter(None, (_of_kinds(report, kinds) for kinds in _KINDS)), [])
         if not found:
             raise ExpectationError(f"MuJoCo {good} and {bad} give the same; see {self.folder}")
@@ -88,18 +90,18 @@ class SweepOutcomes:
 
     def differs(self, version: str) -> bool:
         """Return whether any of these outcomes differs from that of the first release."""
-        return bool(self._has_changed(self.compared(self.good, version)))
+        return bool(self._has_changed(self.compare_releases(self.good, version)))
 
-    def shown(self, found: ChangingRelease) -> ComparisonReport:
+    def report_change(self, found: ChangingRelease) -> ComparisonReport:
         """Return the comparison of two neighbors, with the outcomes that changed."""
-        report = self.compared(found.before, found.after)
+        report = self.compare_releases(found.before, found.after)
         if not self._has_changed(
             report
         ):  # by less than the tolerance, which was almost used up before
-            report = self.compared(self.good, found.after)
+            report = self.compare_releases(self.good, found.after)
         return report.model_copy(update={"findings": tuple(self._has_changed(report))})
 
-    def compared(self, before: str, after: str) -> ComparisonReport:
+    def compare_releases(self, before: str, after: str) -> ComparisonReport:
         """Return the comparison of two releases, run by run."""
         for version in (before, after):
             self.run(self.folder / version, version)

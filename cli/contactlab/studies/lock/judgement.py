@@ -152,10 +152,12 @@ class _Judge:
     def _measure_group(
         self, metric: str, rule: EffectiveRule, old: Group, new: Group
     ) -> _GroupChange:
-        (before, spread, n), (after, other, m) = (side.measured(metric) for side in (old, new))
+        (before, spread, n), (after, other, m) = (
+            side.summarize_metric(metric) for side in (old, new)
+        )
         if not n or not m or (self.repeated and n != m):
             return _GroupChange(old, MISSING, f"{n} values", f"{m} values")
-        allowed = rule.limit.allowed(before)
+        allowed = rule.limit.allow_change(before)
         if not self.repeated:
             allowed += change_by_chance((spread, n), (other, m), self.alpha)
         excess = abs(after - before) / allowed if allowed else float(after != before) * math.inf

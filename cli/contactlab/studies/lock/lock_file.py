@@ -109,7 +109,11 @@ def _differ_besides(
 def metric_columns(store: Store) -> dict[str, Column]:
     """Return the values that may be locked, by name: all results of the physics."""
     return {
-        **{name: column for name, column in store.columns.measured.items() if _is_physical(name)},
+        **{
+            name: column
+            for name, column in store.columns.metric_columns.items()
+            if _is_physical(name)
+        },
         **({loop.name: loop for loop in _OF_LOOPS} if is_loop(store) else {}),
     }
 

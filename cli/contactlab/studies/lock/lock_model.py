@@ -27,7 +27,7 @@ class Group(Model):
         """Key that identifies it."""
         return key_of(self.at)
 
-    def measured(self, metric: str) -> tuple[float, float, int]:
+    def summarize_metric(self, metric: str) -> tuple[float, float, int]:
         """Return mean, spread and number of the values of a metric; NaN, 0 and 0 without any."""
         mean, *rest = self.metrics.get(metric, (math.nan, 0.0, 0))
         spread, *count = rest or (0.0,)

@@ -129,7 +129,7 @@ class ForwardStates:
         if name == "xquat":
             theirs = theirs * np.where((ours * theirs).sum(axis=-1, keepdims=True) < 0, -1, 1)
         floor = float(np.abs(ours - rounded).max())
-        allowed = LIMITS[name].allowed(ours) + FLOOR_FACTOR * floor
+        allowed = LIMITS[name].allow_change(ours) + FLOOR_FACTOR * floor
         excess = np.abs(ours - theirs) / allowed
         excess[~np.isfinite(theirs)] = np.inf
         worst = np.unravel_index(int(excess.argmax()), excess.shape)

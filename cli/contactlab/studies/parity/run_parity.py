@@ -72,7 +72,7 @@ class SteppedStates:
     error: Floats  # (K,) largest difference of a velocity
     floors: Floats  # (K, nv) difference of each velocity from rounded states
     plain: Floats  # (K,) tolerance without noise floors
-    allowed: Floats  # (K,)
+    allowed_errors: Floats  # (K,)
     worst: np.ndarray  # (K,) index of the velocity that differs most
     velocities: tuple[Floats, Floats]  # (K, nv) by MuJoCo, by the engine
 
@@ -117,7 +117,7 @@ def step_once(comparison: Comparison, run: int, states: Floats) -> SteppedStates
     ends = np.maximum(np.abs(by_mujoco - after), np.abs(by_mujoco - by_converged))
     noise = np.maximum(floors, ends).max(axis=1, initial=0)
     step = model.opt.timestep  # tolerance of an acceleration, over a step
-    plain = step * LIMITS["qacc"].allowed(change / step)
+    plain = step * LIMITS["qacc"].allow_change(change / step)
     neighbors = 33  # neighboring states with similar convergence of the solver
     allowed = plain + FLOOR_FACTOR * maximum_filter1d(noise, neighbors)
     error = np.where(np.isfinite(error), error, np.inf)
@@ -132,7 +132,7 @@ def select_states(steps: SteppedStates, contacts: np.ndarray) -> np.ndarray:
     most contacts, and some along the run.
     """
     most_states = 24
-    excess = steps.error / steps.allowed
+    excess = steps.error / steps.allowed_errors
     worst = steps.places[np.argsort(-excess, kind="stable")[: most_states // 3]]
     touching = np.flatnonzero(contacts)[:1]
     along = np.linspace(0, len(contacts) - 1, most_states // 2).astype(int)
@@ -203,7 +203,7 @@ def step_divergence(steps: SteppedStates, ambiguous: AbstractSet[int]) -> Diverg
 
     Steps from ambiguous states are ignored.
     """
-    excess = np.where(np.isin(steps.places, list(ambiguous)), 0, steps.error / steps.allowed)
+    excess = np.where(np.isin(steps.places, list(ambiguous)), 0, steps.error / steps.allowed_errors)
     place = int(excess.argmax())
     if not excess[place] > 1:
         return None
@@ -257,7 +257,7 @@ def judge_run(
     if found:
         return "different", found, numbers
     left = whole.find_divergence()
-    if (singles.error > singles.allowed).any() or (
+    if (singles.error > singles.allowed_errors).any() or (
         left and singles.sensitive_before(left.step, _dofs_beside(model, left))
     ):
         return "ambiguous", None, numbers

@@ -173,7 +173,7 @@ def _measure_quantity(name: str, rule: MetricRule, metrics: Sequence[Metrics]) -
     change, noise = abs(theirs - ours), abs(rounded - ours)
     least_change = 1e-6  # of any metric in its own unit: noise about 0
     least = max(least_change, rule.abs or 0.0)
-    allowed = Limit(name, "", value=least, relative=rule.rel or 0.0).allowed(scale)
+    allowed = Limit(name, "", value=least, relative=rule.rel or 0.0).allow_change(scale)
     allowed += noise if math.isfinite(noise) else 0
     both_lack = not (math.isfinite(ours) or math.isfinite(theirs))
     return Measured(

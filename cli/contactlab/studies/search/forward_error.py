@@ -76,7 +76,7 @@ def measure_divergence(motion: Motion, workers: int) -> Divergence:
     nudges[:: 1 + copies] = 0
     starts[:, place] += nudges * np.maximum(1.0, np.abs(starts[:, place]))
     many = replace(motion, starts=starts, inputs=np.repeat(motion.inputs, 1 + copies, axis=0))
-    kept = replay(many, motion.steps * float(model.opt.timestep), workers).kept[:, :-1]
+    kept = replay(many, motion.steps * float(model.opt.timestep), workers).velocity_states[:, :-1]
     nq = model.nq
     places = np.linspace(0, kept.shape[1] - 1, _PARTS + 1).astype(int)
     seen = kept[:, places, nq : nq + model.nv].reshape(motion.seeds, 1 + copies, len(places), -1)
@@ -169,7 +169,9 @@ class ForwardError:
         model = build_reference_model(self._motion.model, rate)
         model.opt.integrator = integrator
         motion = refine_motion(self._motion, model, rate)
-        return replay(motion, motion.steps * float(model.opt.timestep), self._workers).kept[:, :-1]
+        return replay(
+            motion, motion.steps * float(model.opt.timestep), self._workers
+        ).velocity_states[:, :-1]
 
     def estimate_error(self, model: mujoco.MjModel, multiple: int) -> ErrorEstimate:
         """Return the largest distance of an observed output, over seeds."""
@@ -180,7 +182,9 @@ class ForwardError:
         start = np.zeros_like(every)
         inputs = held_inputs(self._motion, self._finer, every, start, multiple, steps)
         motion = replace(self._motion, model=own, inputs=inputs)
-        kept = replay(motion, steps * float(own.opt.timestep), self._workers).kept[:, :-1]
+        kept = replay(motion, steps * float(own.opt.timestep), self._workers).velocity_states[
+            :, :-1
+        ]
         places = [steps]
         if self._error_at == "peak":
             samples = 200

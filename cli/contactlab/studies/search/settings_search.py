@@ -188,9 +188,9 @@ class Search:
     front_work: float = 0.0
     evaluations: dict[Key, Evaluation] = field(default_factory=dict[Key, "Evaluation"])
     ending: Ending = "complete"
-    done: float = 0.0
-    _allowed: float = math.inf
-    _counted: StepCount = field(default_factory=lambda: StepCount("", 1.0))
+    work_done: float = 0.0
+    _work_limit: float = math.inf
+    _progress: StepCount = field(default_factory=lambda: StepCount("", 1.0))
 
     @property
     def current(self) -> Configuration:
@@ -210,12 +210,12 @@ class Search:
         if entry.error is None:
             model = self.space.model_of(self.current)
             entry.error = self.estimator.estimate_error(model, self.current.multiple)
-            self.done += 1.0
+            self.work_done += 1.0
         return entry
 
     def run_search(self) -> None:
         """Search until nothing is left to try, or until work or time are over."""
-        with step_count("work of the search", self.work + self.front_work) as self._counted:
+        with step_count("work of the search", self.work + self.front_work) as self._progress:
             self._search_all()
 
     def _search_all(self) -> None:
@@ -223,12 +223,14 @@ class Search:
             self.evaluate_current()
             for place, bound in enumerate(self.bounds):
                 self.bound = bound
-                self._allowed = self.done + (self.work - self.done) / (len(self.bounds) - place)
+                self._work_limit = self.work_done + (self.work - self.work_done) / (
+                    len(self.bounds) - place
+                )
                 try:
                     self._search_bound()
                 except OutOfWorkError:
                     self.ending = "work"
-            self._allowed = self.done + self.front_work
+            self._work_limit = self.work_done + self.front_work
             try:
                 self._search_front()
             except OutOfWorkError:
@@ -440,7 +442,7 @@ class Search:
 
     def evaluate(self, choice: Configuration) -> Evaluation:
         """Evaluate a configuration after the search, without limits."""
-        self._allowed, self.is_late = math.inf, bool
+        self._work_limit, self.is_late = math.inf, bool
         return self._evaluate_choice(choice)
 
     def shorter_steps(self, tried: Evaluation) -> Iterator[Configuration]:
@@ -462,7 +464,7 @@ class Search:
     def _check_limits(self) -> None:
         if self.is_late():
             raise OutOfTimeError
-        if self.done > self._allowed:
+        if self.work_done > self._work_limit:
             raise OutOfWorkError
 
     def _evaluation_of(self, choice: Configuration) -> Evaluation:
@@ -475,8 +477,8 @@ class Search:
             self._check_limits()
             found = self.estimator.estimate_error(self.space.model_of(choice), choice.multiple)
             entry.error = found
-            self.done += cost if math.isfinite(cost) else 1.0
-            finish_step(self._counted, self.done - self._counted.done)
+            self.work_done += cost if math.isfinite(cost) else 1.0
+            finish_step(self._progress, self.work_done - self._progress.finished_steps)
         return entry
 
     def _error_of(self, choice: Configuration) -> float:
@@ -548,7 +550,7 @@ class Search:
             self._check_limits()
             if not self.is_exact(self.space.model_of(choice)):
                 return False
-            self.done += self._cost_of(choice)
+            self.work_done += self._cost_of(choice)
             return True
 
         found = self._add_parameters(exact, self.space.parameters, moves_alike)
@@ -602,7 +604,7 @@ class Search:
                     found.append((self._cost_of(base.with_settings(settings)), settings))
         except OutOfWorkError:
             # Good values of a slow model are worth little alone.
-            ended, self._allowed = True, self.done + sum(cost for cost, _ in found)
+            ended, self._work_limit = True, self.work_done + sum(cost for cost, _ in found)
         both = base
         for _, settings in sorted(found, key=lambda pair: pair[0]):
             more = both.with_settings(settings)

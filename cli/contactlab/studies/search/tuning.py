@@ -313,7 +313,7 @@ class TuningStudy:
             ),
             verified=best.verification if best else None,
             file=self._file_of(best) if best else None,
-            lines=tuple(PatchedLine(**vars(change)) for change in best.written.changes)
+            lines=tuple(PatchedLine(**vars(change)) for change in best.model.changes)
             if best
             else (),
             trials=len(search.evaluations),
@@ -644,7 +644,7 @@ class TuningStudy:
             yield self._problem.examined.motions_of(task)
 
     def _file_of(self, answer: VerifiedCandidate) -> str:
-        return str(answer.written.path.relative_to(self._session.folder))
+        return str(answer.model.path.relative_to(self._session.folder))
 
     def _describe_alternative(
         self, answer: VerifiedCandidate | None

@@ -88,7 +88,7 @@ class VerifiedCandidate:
     """A candidate whose model was written, and judged on fresh seeds."""
 
     evaluation: Evaluation
-    written: WrittenModel
+    model: WrittenModel
     verification: Verification
 
 
@@ -535,7 +535,7 @@ class CandidateVerifier:
                 most_seeds=min(self._problem.seeds, self._problem.verified_seeds),
                 length_share=self._problem.length_share,
                 runs=self._problem.original_runs,
-                left=lambda: self._time_limit.remaining,
+                find_time_left=lambda: self._time_limit.remaining,
             )
         )
 

@@ -107,7 +107,7 @@ class VerificationRequest:
         length_share: share of the length of each run, if a model is too slow for whole runs.
         runs: of the original; pass the same object to verify several changes of one model.
         notify: called with the name of each run as it begins.
-        left: returns the time that is left [s]; runs that would begin later are skipped.
+        find_time_left: returns the time that is left [s]; runs that would begin later are skipped.
     """
 
     original: CheckedModel
@@ -123,7 +123,7 @@ class VerificationRequest:
     length_share: float = 1.0
     runs: OriginalRuns = field(default_factory=OriginalRuns)
     notify: Callable[[str], None] = lambda _: None
-    left: Callable[[], float] = lambda: math.inf
+    find_time_left: Callable[[], float] = lambda: math.inf
 
 
 def verify_change(request: VerificationRequest) -> VerifiedChange:
@@ -351,7 +351,7 @@ class _Panel:
             self.skipped.append(SkippedRun(run=run, reason=reason))
 
     def _begin_run(self, name: str) -> bool:
-        if self._request.left() < 0:
+        if self._request.find_time_left() < 0:
             self.ended_early = True
             self._skip_run(name, "the time limit")
             return False

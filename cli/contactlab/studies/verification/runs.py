@@ -144,7 +144,7 @@ def hold_inputs(
     steps = max(5, round(seconds / float(model.opt.timestep)))
     starts = motion.starts.copy()
     if motion.inputs.shape[2]:
-        controls = motion.given(_CONTROL)[:, :1]
+        controls = motion.state_part(_CONTROL)[:, :1]
     else:
         controls = starts[:, None, _state_slice(model, _CONTROL)]
     for bit in _PUSHES:

@@ -101,7 +101,7 @@ def tabulate_states(
     """
     model, seeds, steps = motion.model, motion.seeds, motion.steps
     run = replay(motion, steps * float(model.opt.timestep), workers)
-    kept = run.kept
+    kept = run.velocity_states
     finite = np.isfinite(kept[:, : steps + 1]).reshape(seeds, -1)
     failed: np.ndarray = np.logical_not(np.logical_and(run.valid.all(axis=1), finite.all(axis=1)))
     demands = model if demands is None else demands

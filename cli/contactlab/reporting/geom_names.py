@@ -4,12 +4,12 @@ from collections.abc import Mapping
 from importlib.util import find_spec
 
 from contactlab.plugins import extensions
-from contactlab.printable import Told
+from contactlab.printable import Replacer
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
 
 
-def told_geoms(store: Store, records: Mapping[int, EvidenceRecord]) -> dict[int, Told]:
+def load_geom_replacers(store: Store, records: Mapping[int, EvidenceRecord]) -> dict[int, Replacer]:
     """Return the names of geoms in each run: geoms without one are called by their bodies."""
     pairs = (name for record in records.values() for name in record.pairs)
     if find_spec("mujoco") is None or not any("geom[" in name for name in pairs):
