@@ -37,7 +37,8 @@ def run_series(
 
     `replace_geoms` names pairs, and the coverage names joints if the trace's own model lacks some
     names. A signal i of motion, force or depth, 0 without contact, has times `ti` [s] and values
-    `vi`, at most 402 of them. A pair i begins to stick, slide or part at `si` [s], its modes being `mi`.
+    `vi`, at most 402 of them. A pair i begins to stick, slide or part at `si` [s], its modes
+    being `mi`.
     """
     columns: dict[str, NDArray[Any]] = {}
     signals: list[tuple[str, str, str]] = []
