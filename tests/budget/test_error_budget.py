@@ -465,7 +465,7 @@ def test_a_row_is_timed_in_the_phase_in_which_it_is_largest() -> None:
     """A row that is small in a phase is not worth the time there."""
     still = replace(walker(0.01), name="still")
     moving = replace(still, inputs=np.ones_like(still.inputs), name="moving")
-    timed = replace(PLAIN, timed=True)
+    timed = replace(PLAIN, measures_time=True)
     budget = error_budget([still, moving], rows=["cone", "gravity"], settings=timed, workers=1)
     for name in ("cone", "gravity"):
         worst, reading = budget.worst(name) or (None, None)

@@ -48,7 +48,7 @@ def test_a_pull_wins_at_coulombs_limit(tmp_path: Path, friction: str) -> None:
     Pulls differ by 5 % of that, and what slides is borne by as much at most: the tolerance.
     """
     text = claw_with_bar(20, 0.1, cone="elliptic", impratio="10", friction=friction)
-    report, _ = judged(tmp_path, text, held="bar")
+    report, _ = judged(tmp_path, text, held_body="bar")
     assert [each.force for each in report.fingers] == pytest.approx([20, 20], rel=1e-3)
     assert report.pull.force == pytest.approx(2 * float(friction) * 20, rel=0.05)
     assert report.pull.weights == pytest.approx(report.pull.force / (0.1 * GRAVITY))
@@ -64,7 +64,7 @@ def test_creep_is_that_of_regularised_friction(tmp_path: Path, impratio: str, so
     what depth differs by from contact to contact: 5 %.
     """
     text = claw_with_bar(20, 0.1, cone="elliptic", impratio=impratio, solref=solref)
-    report, grip = judged(tmp_path, text, held="bar")
+    report, grip = judged(tmp_path, text, held_body="bar")
     model = grip.fixture.model
     found = find_contacts(model, data_at(model, grip.squeeze.row), grip.fixture.body)
     depth = float(np.mean([contact.depth for contact in found]))
@@ -86,9 +86,9 @@ def test_creep_is_that_of_regularised_friction(tmp_path: Path, impratio: str, so
 def test_no_step_cures_creep_and_impratio_does(tmp_path: Path) -> None:
     """Regularized friction is the model's: a quarter of the step creeps as fast, within 2 %."""
     base = claw(cone="elliptic")
-    coarse, _ = judged(tmp_path, base, held=BOX, fixes=True)
-    fine, _ = judged(tmp_path, base.replace('"0.002"', '"0.0005"'), held=BOX)
-    stiff, _ = judged(tmp_path, claw(cone="elliptic", impratio="10"), held=BOX)
+    coarse, _ = judged(tmp_path, base, held_body=BOX, fixes=True)
+    fine, _ = judged(tmp_path, base.replace('"0.002"', '"0.0005"'), held_body=BOX)
+    stiff, _ = judged(tmp_path, claw(cone="elliptic", impratio="10"), held_body=BOX)
     speed = fast(coarse, "out of the hand")
     assert fast(fine, "out of the hand") == pytest.approx(speed, rel=0.02)
     assert fast(stiff, "out of the hand") == pytest.approx(speed / 10, rel=0.05)
@@ -102,7 +102,8 @@ def test_a_mirrored_gripper_is_the_same(tmp_path: Path) -> None:
     """
     mirrored = claw(left="q", right="p", base="z", quat="0 0 0 1", way="1")
     one, other = (
-        judged(tmp_path, text.replace("0.002", "0.004"), held=BOX)[0] for text in (claw(), mirrored)
+        judged(tmp_path, text.replace("0.002", "0.004"), held_body=BOX)[0]
+        for text in (claw(), mirrored)
     )
     assert other.verdict == one.verdict
     assert other.opening == pytest.approx(one.opening, rel=1e-3)
@@ -131,7 +132,7 @@ def test_units_of_an_object(one: str, other: str) -> None:
 def test_what_is_round_is_held_by_the_middle_of_pads(tmp_path: Path) -> None:
     """Nearest points of flat pads are any that face each other; at an edge it would roll out."""
     asked = "cylinder:50x40mm,.1kg"
-    report, grip = judged(tmp_path, claw(cone="elliptic", impratio="100"), held=asked)
+    report, grip = judged(tmp_path, claw(cone="elliptic", impratio="100"), held_body=asked)
     assert [each.force for each in report.fingers] == pytest.approx([20, 20], rel=1e-3)
     assert grip.squeeze.approach is not None
     assert np.linalg.norm((grip.squeeze.approach.point - [0.1, 0.2, 0.5])[1:]) < 1e-4
@@ -140,18 +141,18 @@ def test_what_is_round_is_held_by_the_middle_of_pads(tmp_path: Path) -> None:
 
 def test_actuators_are_held_against_their_limits(tmp_path: Path) -> None:
     text = claw().replace('ctrlrange="-20 20"', 'ctrlrange="-20 20" forcerange="-12 12"')
-    report, _ = judged(tmp_path, text, held=BOX)
+    report, _ = judged(tmp_path, text, held_body=BOX)
     assert {each.limit for each in report.controls} == {12.0}
     assert [each.force for each in report.fingers] == pytest.approx([12, 12], rel=1e-3)
 
 
 @pytest.mark.long
 def test_a_squeeze_is_found_or_refused(tmp_path: Path) -> None:
-    report, _ = judged(tmp_path, claw(most="12"), held=BOX, squeeze=5.0)
+    report, _ = judged(tmp_path, claw(most="12"), held_body=BOX, squeeze=5.0)
     # To within the hundredth that a squeeze is sought to.
     assert [each.force for each in report.fingers] == pytest.approx([5, 5], rel=0.011)
     with pytest.raises(SweepFileError, match="the actuators give 12 N"):
-        judged(tmp_path, claw(most="12"), held=BOX, squeeze=13.0)
+        judged(tmp_path, claw(most="12"), held_body=BOX, squeeze=13.0)
 
 
 def test_too_weak_a_squeeze_drops(tmp_path: Path) -> None:
@@ -201,7 +202,7 @@ def plain_speed(model: mujoco.MjModel) -> float:
 @pytest.mark.long
 def test_the_bench_is_plain_mujoco(tmp_path: Path) -> None:
     """Loads on every body are gravity: a loop of mj_step under it goes the same way."""
-    report, grip = judged(tmp_path, claw(), held=BOX)
+    report, grip = judged(tmp_path, claw(), held_body=BOX)
     model = grip.fixture.model.__copy__()
     name = "out of the hand"
     model.opt.gravity[:] = GRAVITY * grip.directions()[name]
@@ -253,9 +254,9 @@ def test_a_pace_goes_on_as_its_series(rest: float, more: float, ratio: float) ->
     ("text", "asked", "said"),
     [
         (claw().split("<actuator>", maxsplit=1)[0] + "</mujoco>", {}, "no actuators"),
-        (claw(), {"held": "box:30mm"}, "write box:30x40x40mm"),
-        (claw(), {"held": "box:200x40x40mm"}, "200 mm wide"),
-        (claw(), {"held": "mug"}, "no body 'mug'"),
+        (claw(), {"held_body": "box:30mm"}, "write box:30x40x40mm"),
+        (claw(), {"held_body": "box:200x40x40mm"}, "200 mm wide"),
+        (claw(), {"held_body": "mug"}, "no body 'mug'"),
         (claw(), {"keyframe": "held"}, "no keyframe 'held'"),
         (claw(), {"base": "claws"}, "claws"),
         (claw(), {"base": "left"}, "no actuator moves two bodies"),

@@ -419,7 +419,7 @@ class _FixJudge(NamedTuple):
     @property
     def _trial_settings(self) -> Settings:
         workers = self.trial.workers or os.cpu_count() or 1
-        return replace(self.trial.settings, places=False, timed=False, workers=workers)
+        return replace(self.trial.settings, places=False, measures_time=False, workers=workers)
 
     @property
     def _quick_settings(self) -> Settings:

@@ -151,7 +151,14 @@ _STATE_ARRAYS = ("time", "qpos", "qvel")
 _ENERGY_ARRAYS = ("kinetic", "potential", "momentum", "angular_momentum")
 _COUNT_ARRAYS = ("contacts", "least_distance", "iterations", "iterations_most")
 _STEP_ARRAYS = (*_ENERGY_ARRAYS, *_COUNT_ARRAYS, "forces", "lengths", "work")
-_RUN_ARRAYS = ("control_ranges", "equality_loads", "equality_gaps", "creep", "given", "sleeper")
+_RUN_ARRAYS = (
+    "control_ranges",
+    "equality_loads",
+    "equality_gaps",
+    "creep",
+    "constraint_gain",
+    "sleeper",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -259,7 +266,7 @@ class Trace(EngineOutputs):
             ),
             warnings=tuple(self.warnings[run] for run in runs),
             passages=tuple(self.passages[run] for run in runs if self.passages),
-            held=held and HeldPose(held.position[index, :steps], held.rotation[index, :steps]),
+            held_pose=held and HeldPose(held.position[index, :steps], held.rotation[index, :steps]),
             **{
                 name: None if array is None else array[index, : ends[name]]
                 for name, array in arrays.items()

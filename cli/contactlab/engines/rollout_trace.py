@@ -40,8 +40,8 @@ def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Ro
             slots = rollout.slots[index]
         pairs.append(PairTrace(pair.name, slots, friction[:, index]))
     held = None
-    if layout.held_pose is not None:
-        pose = sensors[:, :, layout.held_pose : layout.held_pose + 7]
+    if layout.held is not None:
+        pose = sensors[:, :, layout.held : layout.held + 7]
         held = HeldPose(pose[:, :, :3], pose[:, :, 3:])
     return Trace(
         timestep=np.array([compiled.model.opt.timestep for compiled in models]),

@@ -58,7 +58,7 @@ class SensorLayout:
     momentum: int | None  # the velocity of the center of mass
     angular_momentum: int | None  # the angular momentum
     # The held body's position relative to its holder, followed by the holder's orientation.
-    held_pose: int | None
+    held: int | None
     forces: int  # the first actuator's force, followed by the forces of the others
     lengths: int  # the first tendon's length, followed by the lengths of the others
 

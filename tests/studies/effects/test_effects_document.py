@@ -44,13 +44,13 @@ def measure_part(error: float | None, **parts: Any) -> MeasuredPart:
         ({}, 1.1, "near the tolerance", False),
         ({}, 2.1, "needed", False),
         ({"proof": "no friction"}, None, "unused", True),
-        ({"proof": "no friction", "kept": "--keep"}, None, "unused", False),
+        ({"proof": "no friction", "reason_to_stay": "--keep"}, None, "unused", False),
         ({"exercised": False}, None, "not exercised", False),
         ({}, None, "not measured", False),
         # Contacts, limits and clamps that are hardly loaded may carry other loads.
-        ({"kind": "limit", "kept": "a safeguard"}, 0.9, "not exercised", False),
-        ({"kind": "limit", "kept": "a safeguard"}, 2.1, "needed", False),
-        ({"name": "warmstart", "kept": "a safeguard"}, 0.9, "below the tolerance", False),
+        ({"kind": "limit", "reason_to_stay": "a safeguard"}, 0.9, "not exercised", False),
+        ({"kind": "limit", "reason_to_stay": "a safeguard"}, 2.1, "needed", False),
+        ({"name": "warmstart", "reason_to_stay": "a safeguard"}, 0.9, "below the tolerance", False),
         # An actuator that moves anything is needed, whatever its force.
         ({"kind": "actuator", "name": "push"}, None, "needed", False),
     ],

@@ -374,7 +374,7 @@ def _list_collisions(
             part,
             name=words.get(name, name),
             exercised=geom in geoms,
-            kept="a safeguard",
+            reason_to_stay="a safeguard",
             members=(),
         )
 

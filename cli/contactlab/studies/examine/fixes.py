@@ -407,7 +407,7 @@ class FixSearch:
         return looks * steps * count_pace(self._motions) <= self._current_trial.find_time_left()
 
     def _is_no_worse(self, motions: Sequence[Motion]) -> bool:
-        settings = replace(self._current_trial.settings, places=False, timed=False)
+        settings = replace(self._current_trial.settings, places=False, measures_time=False)
         budget = error_budget(
             motions, rows=(), settings=settings, workers=self._current_trial.workers
         )

@@ -129,10 +129,10 @@ def _list_start_faults(source: SceneSource, reference: str, start: str) -> Itera
     numbers = f"{short.needed} numbers in {short.attribute} of keyframe {start}"
     yield FileFault(
         "keyframe-length",
-        f"keyframe {start} has {short.count} numbers in {short.attribute}, not {short.needed}: "
+        f"keyframe {start} has {short.length} numbers in {short.attribute}, not {short.needed}: "
         f"values act on other joints ({place})",
         is_of_start=True,
-        fix=f"write {numbers} ({place}), which has {short.count}; all else follows from it",
+        fix=f"write {numbers} ({place}), which has {short.length}; all else follows from it",
     )
 
 

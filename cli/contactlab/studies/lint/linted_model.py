@@ -67,13 +67,13 @@ class ShortKeyframe(NamedTuple):
 
     Attributes:
         attribute: such as `qpos`.
-        count: count of its numbers.
+        length: count of its numbers.
         needed: count of the model's.
         place: of its element.
     """
 
     attribute: str
-    count: int
+    length: int
     needed: int
     place: Place
 

@@ -104,7 +104,7 @@ def find_keyframes_of_wrong_length(linted: LintedModel) -> Iterator[Fault]:
     for name, short in linted.short_keyframes.items():
         rest = f"those of {QPOS0}" if short.attribute == "qpos" else "zeros"
         yield Fault(
-            f"keyframe '{name}' has {short.count} numbers in {short.attribute}, and the model "
+            f"keyframe '{name}' has {short.length} numbers in {short.attribute}, and the model "
             f"{short.needed}: MuJoCo appends {rest}, so values may act on other joints than meant; "
             f"write {short.needed}",
             short.place,
