@@ -181,7 +181,7 @@ class SmallerSearch:
         def estimate(seeds: int, share: float) -> float:
             return estimate_panel(model, original.task, seeds, share, pace).first
 
-        allowed = first_share * self.allowed.remaining
+        allowed = first_share * self.time_limit.remaining
         seeds, share = fit_panel(estimate, len(original.task.seeds), allowed)
         return seeds, max(fewest_windows_share(original.task), min(1.0, share))
 
