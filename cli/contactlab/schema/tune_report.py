@@ -38,6 +38,10 @@ class Target(Model):
     observed: tuple[str, ...] = about("Bodies, sites and sensors of a forward error.")
     error_at: Literal["end", "peak"] | None = about("When the forward error is measured.")
     divergence: str = about("How nudged copies diverge; empty without a forward error.")
+    chance: float = about(
+        "How much larger the error of an equal chaotic motion may be: the standard deviation of "
+        "the error as written over seeds; 0 if the motion is not chaotic."
+    )
 
 
 class Candidate(Model):

@@ -65,6 +65,7 @@ def asked(tmp_path: Path) -> TuneRequest:
             observed=(),
             error_at=None,
             divergence="",
+            chance=0.0,
         ),
         sentence="an answer",
         target_met=True,

@@ -1,5 +1,6 @@
 """Measures of chaotic motion allow what an equal motion has by chance, and not much more."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,9 +8,11 @@ import numpy as np
 import pytest
 
 from contactlab.budget import Motion
+from contactlab.studies.verification.panel import LABEL_CHANCE, exceeds_chance
 from contactlab.studies.verification.run_measures import (
     CHANCE,
     compare_run,
+    find_chaotic_bodies,
     largest_by_chance,
     tabulate_run,
 )
@@ -69,3 +72,35 @@ def test_chance_exceeds_the_bound_as_often_as_stated(seeds: int) -> None:
     share = float(np.mean(drawn[1].mean(axis=0) > bound))
     deviation = np.sqrt(CHANCE * (1 - CHANCE) / count)
     assert share == pytest.approx(CHANCE, abs=4 * deviation)
+
+
+@pytest.mark.parametrize("before", [0, 1, 5])
+def test_labels_of_many_runs_are_compared_by_fishers_test(before: int) -> None:
+    """Against all tables of the same margins, counted one by one."""
+    for after in range(before, 17):
+        shuffled = [
+            math.comb(16, other) * math.comb(16, before + after - other)
+            for other in range(17)
+            if 0 <= before + after - other <= 16
+        ]
+        tail = [
+            math.comb(16, other) * math.comb(16, before + after - other)
+            for other in range(after, 17)
+            if 0 <= before + after - other <= 16
+        ]
+        assert exceeds_chance(before, after, 16) == (sum(tail) / sum(shuffled) < LABEL_CHANCE)
+    assert not exceeds_chance(0, 2, 16)
+    assert exceeds_chance(0, 3, 16)
+
+
+def test_bodies_of_a_chaotic_task_are_found(tmp_path: Path) -> None:
+    """The dice end elsewhere after a nudge; a box that rests next to them does not."""
+    beside = (
+        '<body pos="1 1 .03"><freejoint/><geom type="box" size=".1 .1 .03"/></body></worldbody>'
+    )
+    path = tmp_path / "dice.xml"
+    path.write_text(DICE.replace("</worldbody>", beside))
+    motion = open_model(str(path), Session(tmp_path / "results")).motions[0]
+    found = find_chaotic_bodies(motion, 1)
+    assert found[:3].any()
+    assert not found[3]

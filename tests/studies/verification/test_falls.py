@@ -8,8 +8,12 @@ import pytest
 
 from contactlab.budget import Motion
 from contactlab.schema.verification import VerifiedMeasure
-from contactlab.studies.verification.falls import FALLS, START_NOISE, repeat_peak
-from contactlab.studies.verification.runs import PairedRun, hold_inputs, pair_motions
+from contactlab.studies.verification.falls import FALLS, START_NOISE, repeat_measure
+from contactlab.studies.verification.runs import (
+    PairedRun,
+    hold_inputs,
+    pair_motions,
+)
 from contactlab.studies.verification.state_tables import StateTable
 from contactlab.tasks.checked_model import open_model
 from contactlab.tasks.session import Session
@@ -26,9 +30,9 @@ BOX = """
 SECONDS = 0.4
 
 
-def _open_run(folder: Path, changed_text: str) -> PairedRun:
+def _open_run(folder: Path, changed_text: str, original_text: str = BOX) -> PairedRun:
     motions = list[Motion]()
-    for name, text in (("original", BOX), ("changed", changed_text)):
+    for name, text in (("original", original_text), ("changed", changed_text)):
         path = folder / name / "box.xml"
         path.parent.mkdir(parents=True)
         path.write_text(text)
@@ -42,7 +46,7 @@ def _repeat_depth(run: PairedRun, known: dict[str, StateTable]) -> VerifiedMeasu
         name="depth", run="fall", unit="m", before=0.0, after=1.0, spread=0.0, tolerance=0.0,
         place="", worse=True,
     )  # fmt: skip
-    return repeat_peak(run, peak, 1, known)
+    return repeat_measure(run, peak, 1, known)
 
 
 def _plain_depth(model: mujoco.MjModel, noise: np.ndarray) -> float:
@@ -68,3 +72,27 @@ def test_a_peak_is_the_mean_of_plain_falls(tmp_path: Path) -> None:
 def test_softer_contacts_are_worse_in_each_fall(tmp_path: Path) -> None:
     soft = BOX.replace("<worldbody>", '<default><geom solref="0.03 1"/></default><worldbody>')
     assert _repeat_depth(_open_run(tmp_path, soft), {}).worse
+
+
+RESTING = """
+<mujoco>
+  <option timestep=".004" gravity="3 0 -9"/>
+  <worldbody>
+    <geom type="plane" size="2 2 .1"/>
+    <body pos="0 0 .03"><freejoint/><geom type="box" size=".05 .05 .03"/></body>
+  </worldbody>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize("friction", [1.0, 0.2])
+def test_a_body_that_slides_in_each_fall_is_worse(tmp_path: Path, friction: float) -> None:
+    """A lean of a third of the weight holds with friction 1, not with friction .2."""
+    slippery = f'<default><geom friction="{friction}"/></default><worldbody>'
+    run = _open_run(tmp_path, RESTING.replace("<worldbody>", slippery), RESTING)
+    creep = VerifiedMeasure(
+        name="creep", run="fall", unit="m/s", before=0.0, after=1.0, spread=0.0, tolerance=0.0,
+        place="", worse=True,
+    )  # fmt: skip
+    found = repeat_measure(run, creep, 1, {})
+    assert (found.worse, found.place) == (friction < 1 / 3, "body[1]")

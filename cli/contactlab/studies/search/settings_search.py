@@ -98,9 +98,12 @@ class Bound:
         return cls(limit, limit)
 
     @classmethod
-    def as_current(cls, now: float, floor: float = 0.0) -> "Bound":
-        """Return the bound that equals the error of the model as written, or a floor if larger."""
-        return cls(max(now, floor), max(EQUAL_ERROR_RATIO * now, floor))
+    def as_current(cls, now: float, floor: float = 0.0, chance: float = 0.0) -> "Bound":
+        """Return the bound that equals the error of the model as written, or a floor if larger.
+
+        An equal error may be larger by `chance`.
+        """
+        return cls(max(now, floor), max(EQUAL_ERROR_RATIO * now, now + chance, floor))
 
     def or_as_current(self, now: float) -> "Bound":
         """Return the wider of both bounds; at equal steps, equal errors have the same noise."""

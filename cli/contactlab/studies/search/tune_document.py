@@ -144,7 +144,12 @@ def _target_text(report: TuneReport) -> str:
     match target.kind:
         case "as written":
             own = error_text(find_error(report), target.unit)
-            return f"no less accurate than the model as written, {own} in the table"
+            text = f"no less accurate than the model as written, {own} in the table"
+            if target.chance:
+                text += (
+                    f"; the motion is chaotic, and seeds differ by {format_percent(target.chance)}"
+                )
+            return text
         case "tolerance":
             return f"error at most {limit} (the tolerance)"
         case "real time":

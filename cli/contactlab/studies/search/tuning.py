@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from shutil import rmtree
+from statistics import stdev
 
 import mujoco
 
@@ -226,7 +227,18 @@ class TuningStudy:
             observed=tuple(request.observed) if request.error_at else (),
             error_at=request.error_at,
             divergence=self._divergence.sentence if self._divergence else "",
+            chance=self._chance_of_error() if kind == "as written" else 0.0,
         )
+
+    def _chance_of_error(self) -> float:
+        """Return how much larger the error of an equal chaotic motion may be: its spread."""
+        problem, now = self._problem, self._search.evaluate_current().error
+        if now is None or not (
+            measure_divergence(join_phases(problem.motions), problem.threads).chaotic
+        ):
+            return 0.0
+        shares = [*now.shares, *problem.fresh_error.shares]
+        return stdev(shares) if len(shares) > 1 and math.isfinite(sum(shares)) else 0.0
 
     def _max_cost(self) -> float | None:
         if self._request.real_time is None:
@@ -241,7 +253,9 @@ class TuningStudy:
         """
         now, limit = self._current_error, self._target.limit
         if self._target.kind in ("as written", "real time"):
-            return [Goal(Bound.as_current(now, ERROR_FLOOR), FOLDER, must_be_sound=False)]
+            chance = max(0.0, min(self._target.chance, self._target.tolerance - now))
+            bound = Bound.as_current(now, ERROR_FLOOR, chance)
+            return [Goal(bound, FOLDER, must_be_sound=False)]
         if now <= limit:
             bound = Bound.of(limit).or_as_current(now)
             return [Goal(bound, FOLDER, allows_error=self._target.kind == "error")]
@@ -635,9 +649,9 @@ class TuningStudy:
 
     def _timed_tasks(self) -> Iterator[Sequence[Motion]]:
         """Yield the task with seeds of the search and fresh ones, then repeatedly with others."""
-        own, unseen = self._problem.motions, self._verifier.motions
+        own, unseen = self._problem.motions, self._problem.fresh_motions
         yield [join_seeds(*pair) for pair in zip(own, unseen, strict=True)]
-        task = self._verifier.task
+        task = self._problem.fresh_task
         seed_factor = 6  # seeds of the clock, in multiples of the search's seeds, if seeds differ
         for _ in range(seed_factor):
             task = with_new_seeds(task)

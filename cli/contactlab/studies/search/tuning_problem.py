@@ -24,6 +24,7 @@ from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_edits import read_option
 from contactlab.scene.scene import Scene
 from contactlab.scene.unreachable import GeomPair, filtered_pairs
+from contactlab.schema.task import Task
 from contactlab.studies.search.configuration import (
     AS_WRITTEN,
     INTEGRATOR,
@@ -51,9 +52,9 @@ from contactlab.studies.verification.panel_cost import (
 from contactlab.tasks.checked_model import CheckedModel
 from contactlab.tasks.compiled_changes import compile_changed
 from contactlab.tasks.counted_cost import CountedCost
-from contactlab.tasks.reference_error import TaskReference
+from contactlab.tasks.reference_error import ErrorEstimate, TaskReference
 from contactlab.tasks.stress_motions import KnownStates, double_inputs, tilt_gravity
-from contactlab.tasks.task_motions import shorten_task
+from contactlab.tasks.task_motions import shorten_task, with_new_seeds
 from contactlab.tasks.time_limit import TimeLimit
 
 LIMITED = ("reference", "seeds", "windows", "length", "verification")
@@ -225,6 +226,33 @@ class TuningProblem:
             return SleepAwareError(reference, motions, self.reference.substeps, self.threads)
         finer, at = self.reference.substeps, self._request.error_at
         return ForwardError(motions, finer, self.observed_outputs, at, self.threads)
+
+    @cached_property
+    def fresh_task(self) -> Task:
+        """The task with as many fresh seeds as the search has seeds."""
+        task = with_new_seeds(self.task)
+        return task.model_copy(update={"seeds": task.seeds[: self.seeds]})
+
+    @cached_property
+    def fresh_motions(self) -> list[Motion]:
+        """The motions of the task with fresh seeds."""
+        return self.examined.motions_of(self.fresh_task)
+
+    @cached_property
+    def fresh_reference(self) -> TaskReference:
+        """The reference of the motions with fresh seeds."""
+        own = self.reference
+        return self.run_reference(self.fresh_motions, own.substeps, self.reference_integrator)
+
+    @cached_property
+    def fresh_estimator(self) -> ErrorEstimator:
+        """The estimator of errors on fresh seeds."""
+        return self.error_estimator(self.fresh_reference, self.fresh_motions)
+
+    @cached_property
+    def fresh_error(self) -> ErrorEstimate:
+        """Error of the model as written on fresh seeds."""
+        return self.fresh_estimator.estimate_error(self.model, self.reference.substeps)
 
     def _plan_windows(self) -> int:
         takes, allowed = self.cost.pass_seconds, self._trial_work / _RULES.search_passes

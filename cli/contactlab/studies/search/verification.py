@@ -7,7 +7,6 @@ ends that, the candidate with exact savings remains: its motion is that of the m
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from shutil import rmtree
 
 import mujoco
@@ -39,7 +38,6 @@ from contactlab.studies.search.settings_search import (
     STEP_MARGIN,
     Bound,
     Ending,
-    ErrorEstimator,
     Evaluation,
     OutOfTimeError,
     Search,
@@ -54,10 +52,9 @@ from contactlab.studies.verification import (
 from contactlab.studies.verification.grip_measures import compare_grips
 from contactlab.studies.verification.panel import ERROR_FLOOR
 from contactlab.tasks.checked_model import CheckedModel, open_changed_model
-from contactlab.tasks.reference_error import ErrorEstimate, TaskReference
+from contactlab.tasks.reference_error import ErrorEstimate
 from contactlab.tasks.session import Session
 from contactlab.tasks.stress_motions import KnownStates, double_inputs, tilt_gravity
-from contactlab.tasks.task_motions import with_new_seeds
 from contactlab.tasks.time_limit import TimeLimit
 
 _BUDGET_SETTINGS = Settings(places=False, excess=False)  # settings of the error budget of a verdict
@@ -222,7 +219,7 @@ class CandidateVerifier:
         None if it cannot be written, which `skipped` explains, or if the time limit ends it.
         """
         model = self._search.space.model_of(tried.configuration)
-        error = self._fresh_estimator.estimate_error(model, tried.configuration.multiple)
+        error = self._problem.fresh_estimator.estimate_error(model, tried.configuration.multiple)
         allowed = max(error_of(tried), error.error)
         is_share = self._target.unit == "1"
         goal = Goal(Bound.of(allowed), folder, must_be_sound=False, allows_error=is_share)
@@ -304,7 +301,7 @@ class CandidateVerifier:
             tried,
             written,
             Verification(
-                seeds=self.task.seeds,
+                seeds=self._problem.fresh_task.seeds,
                 holds=True,
                 meets_target=error.error <= max(self._target.limit, goal.bound.accepted),
                 error=None,
@@ -328,10 +325,10 @@ class CandidateVerifier:
         """Return whether a candidate moves as the model as written on runs of no search."""
         made = self._search.space.model_of(tried.configuration)
         own = [
-            *self.motions,
+            *self._problem.fresh_motions,
             *(
                 change(motion)
-                for motion in self.motions
+                for motion in self._problem.fresh_motions
                 for change in (tilt_gravity, double_inputs)
             ),
         ]
@@ -368,7 +365,7 @@ class CandidateVerifier:
                 return None
             done.add(tried.configuration.key)
             made = self._search.space.model_of(tried.configuration)
-            error = self._fresh_estimator.estimate_error(made, tried.configuration.multiple)
+            error = self._problem.fresh_estimator.estimate_error(made, tried.configuration.multiple)
             why = self._excess_reason(error, goal)
             if not why:
                 return tried, error
@@ -440,35 +437,6 @@ class CandidateVerifier:
         edits = replace(self._problem.edits_of(choice.reductions), settings=self.settings(choice))
         return write_model(self._examined.scene, edits, self._session.folder / folder, MODEL)
 
-    @cached_property
-    def task(self) -> Task:
-        """The task with as many fresh seeds as the search has seeds."""
-        task = with_new_seeds(self._problem.task)
-        return task.model_copy(update={"seeds": task.seeds[: self._problem.seeds]})
-
-    @cached_property
-    def motions(self) -> list[Motion]:
-        """The motions of the task with fresh seeds."""
-        return self._examined.motions_of(self.task)
-
-    @cached_property
-    def _fresh_reference(self) -> TaskReference:
-        problem = self._problem
-        return problem.run_reference(
-            self.motions, problem.reference.substeps, problem.reference_integrator
-        )
-
-    @cached_property
-    def _fresh_estimator(self) -> ErrorEstimator:
-        return self._problem.error_estimator(self._fresh_reference, self.motions)
-
-    @cached_property
-    def _current_error(self) -> ErrorEstimate:
-        """Error of the model as written on fresh seeds."""
-        return self._fresh_estimator.estimate_error(
-            self._problem.model, self._problem.reference.substeps
-        )
-
     def _excess_reason(self, error: ErrorEstimate, goal: Goal) -> str:
         """Return why an error on fresh seeds is too large, or ""."""
         limit = self._limit_of(goal)
@@ -511,12 +479,11 @@ class CandidateVerifier:
                 raise OutOfTimeError
             why = why + panel.sentence if holds else f"worse than as written: {panel.sentence}"
         return Verification(
-            seeds=self.task.seeds,
+            seeds=self._problem.fresh_task.seeds,
             holds=holds,
-            meets_target=holds
-            and (timely or error.error <= max(self._target.limit, self._accepted_current_error)),
+            meets_target=holds and (timely or error.error <= self._largest_met_error),
             error=error.error,
-            current_error=self._current_error.error,
+            current_error=self._problem.fresh_error.error,
             verdict=said.verdict,
             numerical_error=said.error,
             labels=(),
@@ -549,18 +516,21 @@ class CandidateVerifier:
         is_given = goal.allows_error or (given and goal.must_be_sound)
         limit = goal.bound.limit if is_given else floor
         if error_of(self.current) <= goal.bound.limit:
-            return max(limit, EQUAL_ERROR_RATIO * self._current_error.error)
+            return max(limit, self._equal_fresh_error)
         return limit
 
     @property
-    def _accepted_current_error(self) -> float:
-        """Allowed error on fresh seeds if the model as written meets the target in the search."""
-        own = self.current.error
-        return (
-            EQUAL_ERROR_RATIO * self._current_error.error
-            if own and own.error <= self._target.limit
-            else 0.0
-        )
+    def _largest_met_error(self) -> float:
+        """Largest error on fresh seeds that meets the target."""
+        limit = self._target.limit
+        return max(limit, self._equal_fresh_error) if error_of(self.current) <= limit else limit
+
+    @property
+    def _equal_fresh_error(self) -> float:
+        """Largest error on fresh seeds that equals that of the model as written there."""
+        fresh = self._problem.fresh_error.error
+        by_chance = min(fresh + self._target.chance, self._target.tolerance)
+        return max(EQUAL_ERROR_RATIO * fresh, by_chance if self._target.chance else 0.0)
 
     def _own_task(self, seeds: int) -> Task:
         """Return the task with the first seeds of the search."""
@@ -616,7 +586,7 @@ class CandidateVerifier:
     def _touching_pair(self) -> str:
         """Return the first far pair that touches on fresh seeds, or ""."""
         model = self._problem.own_model
-        runs = [part.positions for part in self._fresh_reference.phases]
+        runs = [part.positions for part in self._problem.fresh_reference.phases]
         near, pairs = pairs_within(model, runs, 0.0), self._problem.far_geom_pairs
         pair = min(pairs if near is None else pairs & near, default=None)
         return " and ".join(printed_geom_name(model, geom) for geom in pair) if pair else ""

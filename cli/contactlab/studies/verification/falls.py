@@ -1,8 +1,8 @@
-"""Repeats a peak over falls from slightly different starts, since one fall says little of it.
+"""Repeats a measure over falls from slightly different starts, since one fall says little of it.
 
 How deep a body hits, or how far a joint passes its limit, depends on the edge that hits and the
-moment within a step. Another step, or another way to move, has another fall by chance, so its mean
-over falls is compared with the original's.
+moment within a step; in a pile, so does whether a body rests. Another step, or another way to move,
+has another fall by chance, so its mean over falls is compared with the original's.
 """
 
 import math
@@ -12,10 +12,23 @@ import mujoco
 import numpy as np
 
 from contactlab.budget.motion import Motion
+from contactlab.budget.windows import body_name, judged_bodies
 from contactlab.schema.verification import VerifiedMeasure
-from contactlab.studies.verification.run_measures import STANDARD_ERRORS
+from contactlab.studies.verification.run_measures import (
+    CHANCE,
+    CREEP_SIZE,
+    CREEP_TOLERANCE,
+    RELATIVE_TOLERANCE,
+    RESTING_SPEED,
+    STANDARD_ERRORS,
+    measure_end_speeds,
+)
 from contactlab.studies.verification.runs import PairedRun, velocity_slice
-from contactlab.studies.verification.state_tables import StateTable, tabulate_states
+from contactlab.studies.verification.state_tables import (
+    EXTREME_UNITS,
+    StateTable,
+    tabulate_states,
+)
 
 FALLS = 16
 """With a spread of 5 % of a peak, as hopper's falls have, the difference of two means over 16 falls
@@ -25,14 +38,14 @@ START_NOISE = 5e-3
 _STATES_OF_A_FALL = 500  # as many as each of three seeds has in a run
 
 
-def repeat_peak(
-    run: PairedRun, peak: VerifiedMeasure, workers: int, known: dict[str, StateTable]
+def repeat_measure(
+    run: PairedRun, measure: VerifiedMeasure, workers: int, known: dict[str, StateTable]
 ) -> VerifiedMeasure:
-    """Return a peak as its mean over falls, with their spread as part of its tolerance.
+    """Return a measure as its mean over falls, with their spread as part of its tolerance.
 
     Args:
-        run: the experiment. One fall of the changed model has a larger peak there.
-        peak: its measure: a depth, a gap or an excess over a limit.
+        run: the experiment. One fall of the changed model is worse there.
+        measure: a depth, a gap or an excess over a limit; or the creep of a body.
         workers: threads that simulate.
         known: tables of the original's falls by the name of the run; a missing one is added.
     """
@@ -41,7 +54,15 @@ def repeat_peak(
     tables = known[run.name], _tabulate_falls(run.changed, workers, run.original.model)
     good = ~(tables[0].failed | tables[1].failed)
     if not good.any():
-        return peak
+        return measure
+    if measure.name in EXTREME_UNITS:
+        return _average_peak(measure, tables, good)
+    return _average_creep(measure, tables, good, run.original.model)
+
+
+def _average_peak(
+    peak: VerifiedMeasure, tables: tuple[StateTable, StateTable], good: np.ndarray
+) -> VerifiedMeasure:
     before, after = (table.extremes[peak.name].values[good] for table in tables)
     error = math.sqrt((np.var(before) + np.var(after)) / max(1, good.sum() - 1))
     mean, other, spread = float(before.mean()), float(after.mean()), STANDARD_ERRORS * error
@@ -58,6 +79,39 @@ def repeat_peak(
     )
 
 
+def _average_creep(
+    measure: VerifiedMeasure,
+    tables: tuple[StateTable, StateTable],
+    good: np.ndarray,
+    model: mujoco.MjModel,
+) -> VerifiedMeasure:
+    # The creep of each body, which is at most that of a body that rests. The worst body counts, so
+    # chance is shared by all.
+    from scipy.special import stdtrit  # noqa: PLC0415 - it takes a while to load
+
+    bodies, falls, scale = judged_bodies(model), int(good.sum()), float(model.stat.meansize)
+    most = RESTING_SPEED * scale / CREEP_SIZE
+    own, other = (np.minimum(measure_end_speeds(table)[good][:, bodies], most) for table in tables)
+    befores, afters = own.mean(axis=0), other.mean(axis=0)
+    floors = np.maximum(CREEP_TOLERANCE * scale / CREEP_SIZE, RELATIVE_TOLERANCE * befores)
+    # Both models have the same starts, so that a difference of all falls is none of chance.
+    deviations = np.std(other - own, axis=0) / math.sqrt(max(1, falls - 1))
+    spreads = float(stdtrit(max(1, falls - 1), 1 - CHANCE / len(bodies))) * deviations
+    tolerances = np.maximum(floors, spreads)
+    worst = int(np.argmax(afters - befores - tolerances))
+    before, after, tolerance = (float(each[worst]) for each in (befores, afters, tolerances))
+    return measure.model_copy(
+        update={
+            "before": before,
+            "after": after,
+            "spread": float(spreads[worst]),
+            "tolerance": tolerance,
+            "place": body_name(model, int(bodies[worst])),
+            "worse": not after <= before + tolerance,
+        }
+    )
+
+
 def _tabulate_falls(motion: Motion, workers: int, demands: mujoco.MjModel) -> StateTable:
     model, falls = motion.model, max(FALLS, motion.seeds)
     rows = np.arange(falls) % motion.seeds
@@ -65,6 +119,6 @@ def _tabulate_falls(motion: Motion, workers: int, demands: mujoco.MjModel) -> St
     noise = np.random.default_rng(FALLS).uniform(-START_NOISE, START_NOISE, (falls, model.nv))
     starts[:, velocity_slice(model)] += noise
     repeated = replace(motion, starts=starts, inputs=motion.inputs[rows])
-    ends = np.array([motion.steps * float(model.opt.timestep)])
+    ends = np.linspace(0.0, motion.steps * float(model.opt.timestep), 6)
     states = falls * _STATES_OF_A_FALL
     return tabulate_states(repeated, workers, ends, contact_states=states, demands=demands)

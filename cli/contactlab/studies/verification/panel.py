@@ -9,9 +9,10 @@ more than its tolerance.
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from statistics import stdev
 
 import mujoco
 import numpy as np
@@ -25,13 +26,16 @@ from contactlab.schema.examination import RunLabel
 from contactlab.schema.grip import GripReport
 from contactlab.schema.task import Task
 from contactlab.schema.verification import SkippedRun, VerifiedChange, VerifiedMeasure
-from contactlab.studies.verification.falls import repeat_peak
+from contactlab.shares import SURE
+from contactlab.studies.verification.falls import repeat_measure
 from contactlab.studies.verification.grip_measures import compare_grips
 from contactlab.studies.verification.loop_runs import LoopRuns, has_policy
 from contactlab.studies.verification.panel_cost import MAX_TRACKED_ACTUATORS
 from contactlab.studies.verification.run_measures import (
     RELATIVE_TOLERANCE,
     compare_run,
+    find_chaotic_bodies,
+    is_chaotic,
     tabulate_run,
 )
 from contactlab.studies.verification.runs import (
@@ -52,9 +56,12 @@ from contactlab.temporary_folders import temporary_folder
 ERROR_FLOOR = 1e-3
 """Numerical error that no setting is rejected for: a tenth of a percent of the real forces is far
 below the error of any measured parameter."""
+REPEATED_RUNS = 16
+LABEL_CHANCE = 0.125
+"""A label of chaotic motion is worse if three of sixteen runs have it that none had: equal models
+have that by chance once in nine times, and a new label was seen before."""
 _RATES = (8, 10, 12, 16, 20, 25, 32)
 """Steps of the reference in one step of the original. One of them fits nearly any usual ratio."""
-"""Severities of labels that say that something is wrong."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +76,7 @@ class OriginalRuns:
             and the rate of the reference.
         grips: reports of its grips, by keyframe; None for one that cannot be judged.
         falls: states of the original from nudged starts, by the name of the run.
+        chaotic_bodies: which judged bodies end elsewhere after a nudge, if known.
     """
 
     tables: dict[tuple[str, float], tuple[StateTable, StateTable, StateTable]] = field(
@@ -82,6 +90,7 @@ class OriginalRuns:
         default_factory=dict[str | None, GripReport | None]
     )
     falls: dict[str, StateTable] = field(default_factory=dict[str, StateTable])
+    chaotic_bodies: list[np.ndarray] = field(default_factory=list[np.ndarray])
 
 
 @dataclass(frozen=True)
@@ -250,10 +259,26 @@ class _Panel:
         self.skipped = list[SkippedRun]()
         self.ended_early = False
         self._equal_runs = list[bool]()
+        self._is_chaotic = False
+        self._repeated = dict[str, Counter[str]]()
         task = _shorten_task(request)
         self._tasks = {"task": task, "task on fresh seeds": with_new_seeds(task)}
         self._motions = dict[str, tuple[list[Motion], list[Motion]]]()
         self._in_loop = has_policy(request.original)
+
+    @property
+    def _chaotic_bodies(self) -> np.ndarray:
+        # Shorter runs may not show the chaos of the whole task.
+        known = self._request.runs.chaotic_bodies
+        if not known:
+            task = self._original.task
+            seeds = task.seeds[: self._request.most_seeds]
+            motions = self._original.motions_of(task.model_copy(update={"seeds": seeds}))
+            threads = self._original.threads
+            known.append(
+                np.any([find_chaotic_bodies(motion, threads) for motion in motions], axis=0)
+            )
+        return known[0]
 
     @property
     def identical(self) -> bool:
@@ -288,8 +313,7 @@ class _Panel:
         first = self._motions_of("task")
         comparable = self._has_same_layout(first)
         motions = {name: self._motions_of(name) for name in self._tasks}
-        for name, (own, other) in motions.items():
-            yield from self._measure_errors(name, own, other)
+        yield from self._measure_errors(motions)
         if comparable:
             largest = dict[str, float]()
             for name, (own, other) in motions.items():
@@ -379,6 +403,9 @@ class _Panel:
             return
         tables = tabulate_run(run, self._original.threads, self._request.runs.tables)
         self._equal_runs.append(tables.original.bits == tables.changed.bits)
+        chaotic = is_chaotic(run, tables)
+        self._is_chaotic |= chaotic
+        repeated = {*EXTREME_UNITS, *(("creep",) if chaotic else ())}
         request = self._request
         # Without constraints, a fix has no effect that it is meant to have.
         compared = compare_run(
@@ -387,10 +414,11 @@ class _Panel:
             0.0 if run.unconstrained else request.allowed_error,
             keeps_motion=request.keeps_motion or run.unconstrained,
             keeps_start=request.keeps_start,
+            chaotic_bodies=None if run.in_loop or run.unconstrained else self._chaotic_bodies,
         )
         for measure in compared:
-            if not run.in_loop and measure.worse and measure.name in EXTREME_UNITS:
-                yield repeat_peak(run, measure, self._original.threads, request.runs.falls)
+            if not run.in_loop and measure.worse and measure.name in repeated:
+                yield repeat_measure(run, measure, self._original.threads, request.runs.falls)
             else:
                 yield measure
 
@@ -420,34 +448,53 @@ class _Panel:
         return np.unique(chosen).tolist()
 
     def _measure_errors(
-        self, name: str, own: Sequence[Motion], other: Sequence[Motion]
+        self, motions: Mapping[str, tuple[list[Motion], list[Motion]]]
     ) -> Iterator[VerifiedMeasure]:
         # Both errors are measured against the original's motion at a fine step.
-        if not self._begin_run(f"numerical error, {name}"):
-            return
-        errors = _measure_error_pair(self._request, name, own, other)
-        if errors is None:
-            self._skip_run("numerical error", "the step is not a multiple of any reference's step")
-            return
-        before, after, spread, place = errors
+        pairs = dict[str, tuple[ErrorEstimate, ErrorEstimate]]()
+        for name, (own, other) in motions.items():
+            if not self._begin_run(f"numerical error, {name}"):
+                break
+            pair = _measure_error_pair(self._request, name, own, other)
+            if pair is None:
+                reason = "the step is not a multiple of any reference's step"
+                self._skip_run("numerical error", reason)
+                break
+            pairs[name] = pair
         floor = max(ERROR_FLOOR, self._request.allowed_error)
         if not self._request.keeps_motion:
             # Another motion has another error, which may be up to half of the tolerance.
             floor = max(floor, self._original.task.tolerance / 2)
-        tolerance = 0.0
-        if math.isfinite(before):
-            tolerance = max(spread, RELATIVE_TOLERANCE * before, floor - before)
-        yield VerifiedMeasure(
-            name="numerical error",
-            run=name,
-            unit="1",
-            before=before,
-            after=after,
-            spread=spread,
-            tolerance=tolerance,
-            place=place,
-            worse=math.isfinite(before) and not after <= before + tolerance,
-        )
+        spread = self._spread_errors([own for own, _ in pairs.values()])
+        for name, (own, other) in pairs.items():
+            before, after, tolerance = own.error, other.error, 0.0
+            if math.isfinite(before):
+                tolerance = max(spread, RELATIVE_TOLERANCE * before, floor - before)
+            yield VerifiedMeasure(
+                name="numerical error",
+                run=name,
+                unit="1",
+                before=before,
+                after=after,
+                spread=spread,
+                tolerance=tolerance,
+                place=other.body,
+                worse=math.isfinite(before) and not after <= before + tolerance,
+            )
+
+    def _spread_errors(self, errors: Sequence[ErrorEstimate]) -> float:
+        # The range over the seeds of all tasks, so that slow models with one seed each have one. In
+        # chaotic motion, windows have the impacts of chance: then it is the distance from the mean
+        # that the error of another seed rarely exceeds.
+        from scipy.special import stdtrit  # noqa: PLC0415 - it takes a while to load
+
+        finite = [own for own in errors if math.isfinite(own.high)]
+        shares = [share for own in finite for share in own.shares or (own.low, own.high)]
+        spread = max(shares, default=0.0) - min(shares, default=0.0)
+        if len(shares) > 1 and self._chaotic_bodies.any():
+            factor = float(stdtrit(len(shares) - 1, SURE)) * math.sqrt(1 + 1 / len(shares))
+            spread = max(spread, factor * stdev(shares))
+        return spread
 
     def _compare_grips(self) -> Iterator[VerifiedMeasure]:
         if self._original.values or self._changed.values:
@@ -465,17 +512,36 @@ class _Panel:
             known[name] = self._count_failure_labels(self._original, task)
         before, after = known[name], self._count_failure_labels(self._changed, task)
         for label in sorted({*before, *after}):
+            own, other = before[label], after[label]
+            worse = not own and other > 0
+            if worse and self._is_chaotic:
+                # Chance decides where bodies go, and so which run has a label.
+                own, other = (counts[label] for counts in self._count_repeated_labels(task))
+                worse = exceeds_chance(own, other, REPEATED_RUNS)
             yield VerifiedMeasure(
                 name=f"label {label}",
                 run=name,
                 unit="runs",
-                before=before[label],
-                after=after[label],
+                before=own,
+                after=other,
                 spread=0.0,
                 tolerance=0.0,
                 place="",
-                worse=not before[label] and after[label] > 0,
+                worse=worse,
             )
+
+    def _count_repeated_labels(self, task: Task) -> tuple[Counter[str], Counter[str]]:
+        # How many of many runs have each label, of the original and the changed model.
+        name = "task on repeated seeds"
+        if name not in self._repeated:
+            first = 1 + 2 * (1 + max(self._tasks["task on fresh seeds"].seeds))
+            seeds = tuple(range(first, first + REPEATED_RUNS))
+            many = task.model_copy(update={"seeds": seeds})
+            known = self._request.runs.labels
+            if name not in known:
+                known[name] = self._count_failure_labels(self._original, many)
+            self._repeated[name] = self._count_failure_labels(self._changed, many)
+        return self._request.runs.labels[name], self._repeated[name]
 
     def _count_failure_labels(self, checked: CheckedModel, task: Task) -> Counter[str]:
         share = self._request.length_share
@@ -490,6 +556,18 @@ class _Panel:
             return count_labels(run_labels(task, [run.record for run in runs]))
 
 
+def exceeds_chance(before: int, after: int, runs: int) -> bool:
+    """Return whether so many of some runs have a label as equal models rarely have.
+
+    It is Fisher's exact test of `before` and `after` runs of `runs` each.
+    """
+    labeled = before + after
+    whole = math.comb(2 * runs, labeled)
+    ways = range(after, min(labeled, runs) + 1)
+    chance = sum(math.comb(runs, each) * math.comb(runs, labeled - each) for each in ways) / whole
+    return chance < LABEL_CHANCE
+
+
 def count_labels(labels: Sequence[RunLabel]) -> Counter[str]:
     """Return how many runs have each label."""
     counts = Counter[str]()
@@ -500,8 +578,8 @@ def count_labels(labels: Sequence[RunLabel]) -> Counter[str]:
 
 def _measure_error_pair(
     request: VerificationRequest, name: str, own: Sequence[Motion], other: Sequence[Motion]
-) -> tuple[float, float, float, str] | None:
-    # The result is the error before and after, its spread over seeds, and the worst body.
+) -> tuple[ErrorEstimate, ErrorEstimate] | None:
+    # The result is the error before and after.
     threads, known = request.original.threads, request.runs.references
     shared = request.same_model and _state_size(own[0].model) == _state_size(other[0].model)
     # Another model is compared with its own motion at a fine step.
@@ -515,9 +593,7 @@ def _measure_error_pair(
     references, before = known[name, rate]
     if not shared:
         references = TaskReference.run_references(other, rate, threads).complete_phases()
-    after = references.estimate_error(run_at_once(other[0].model), round(rate * ratio))
-    spread = before.high - before.low if math.isfinite(before.error) else 0.0
-    return before.error, after.error, spread, after.body
+    return before, references.estimate_error(run_at_once(other[0].model), round(rate * ratio))
 
 
 def _is_whole(value: float) -> bool:

@@ -8,11 +8,12 @@ from functools import partial
 import mujoco
 import numpy as np
 
+from contactlab.budget.motion import Motion
 from contactlab.budget.windows import body_name, judged_bodies
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.model_names import name_of
 from contactlab.schema.verification import VerifiedMeasure
-from contactlab.studies.verification.runs import PairedRun
+from contactlab.studies.verification.runs import PairedRun, nudge_start
 from contactlab.studies.verification.state_tables import (
     EXTREME_UNITS,
     LIMIT_EXCESSES,
@@ -31,7 +32,8 @@ ANGLE_TOLERANCE = 1e-3
 CREEP_TOLERANCE = 1e-4
 """m/s, for a body of 10 cm: a millimeter in the ten seconds that a pick and place takes. From this
 limit on, `grip` says that a grip creeps."""
-_CREEP_SIZE = 0.1  # m, the body that `CREEP_TOLERANCE` is stated for
+CREEP_SIZE = 0.1
+"""m, of the body that `CREEP_TOLERANCE` and `RESTING_SPEED` are stated for."""
 ENERGY_TOLERANCE = 0.01
 """Share of a run's energy. A smaller gain is not reported as a failure either."""
 TRACKING_TOLERANCE = 1e-3
@@ -72,6 +74,11 @@ class Tables:
         """The tables of the original, the changed model, the twin and the reference."""
         return self.original, self.changed, self.twin, self.reference
 
+    @property
+    def good(self) -> np.ndarray:
+        """(S,) seeds that no motion failed in."""
+        return ~np.any([table.failed for table in self.in_order], axis=0)
+
 
 def tabulate_run(
     run: PairedRun,
@@ -106,6 +113,7 @@ def compare_run(
     *,
     keeps_motion: bool = True,
     keeps_start: bool = True,
+    chaotic_bodies: np.ndarray | None = None,
 ) -> Iterator[VerifiedMeasure]:
     """Yield the measures of a run.
 
@@ -122,6 +130,8 @@ def compare_run(
             on, a fall decides.
         keeps_start: False if the change only begins elsewhere. Then joint limits, rest, energy and
             tracking are not compared: the model is the same, and comes to rest in another place.
+        chaotic_bodies: (B,) judged bodies whose ends the task does not repeat, so that they are not
+            compared in shorter runs either; None for none.
     """
     model = run.original.model
     scale = float(model.stat.meansize)
@@ -132,11 +142,10 @@ def compare_run(
     )  # fmt: skip
     if tables.original.failed.all() or tables.changed.failed.all():
         return
-    good = ~(tables.original.failed | tables.changed.failed | tables.twin.failed)
-    good &= ~tables.reference.failed
+    good = tables.good
     if not good.any():
         return
-    chaotic = _is_chaotic(run, tables, good)
+    chaotic = is_chaotic(run, tables)
     yield from _compare_extremes(
         run, tables, good, chaotic=chaotic, keeps_start=keeps_start, keeps_motion=keeps_motion
     )
@@ -158,13 +167,29 @@ def compare_run(
     if run.actuators:
         yield from _compare_tracking(run, tables, good, allowed, keeps_motion=keeps_motion)
     elif keeps_motion:
-        yield from _compare_places(run, tables, good, allowed, chaotic=chaotic)
+        left_out = np.False_ if chaotic_bodies is None else chaotic_bodies
+        yield from _compare_places(run, tables, allowed, left_out, chaotic=chaotic)
 
 
-def _is_chaotic(run: PairedRun, tables: Tables, good: np.ndarray) -> bool:
+def find_chaotic_bodies(motion: Motion, workers: int) -> np.ndarray:
+    """Return (B,) which judged bodies end elsewhere after a nudge of the start, in any seed."""
+    model = motion.model
+    ends = np.array([motion.steps * float(model.opt.timestep)])
+    own, twin = (
+        tabulate_states(each, workers, ends, extremes_too=False)
+        for each in (motion, nudge_start(motion))
+    )
+    good, bodies = ~(own.failed | twin.failed), judged_bodies(model)
+    apart = np.linalg.norm((twin.positions - own.positions)[good][:, -1, bodies], axis=-1)
+    return apart.max(axis=0, initial=0.0) > LENGTH_TOLERANCE * float(model.stat.meansize)
+
+
+def is_chaotic(run: PairedRun, tables: Tables) -> bool:
+    """Return whether the twin ends elsewhere than the original."""
     # The end of a body says whether it repeats: whoever was hit differs there.
     bodies = judged_bodies(run.original.model)
-    own, twin = (table.positions[good][:, -1, bodies] for table in (tables.original, tables.twin))
+    both = tables.original, tables.twin
+    own, twin = (table.positions[tables.good][:, -1, bodies] for table in both)
     apart = np.linalg.norm(twin - own, axis=-1).max(initial=0.0)
     return bool(apart > LENGTH_TOLERANCE * float(run.original.model.stat.meansize))
 
@@ -271,9 +296,9 @@ def _compare_creep(
 ) -> Iterator[VerifiedMeasure]:
     # Only bodies that rest at the end of the reference can creep.
     bodies = judged_bodies(run.original.model)
-    limit = float(run.original.model.stat.meansize) / _CREEP_SIZE
+    limit = float(run.original.model.stat.meansize) / CREEP_SIZE
     speeds = [
-        _measure_end_speeds(table)[good][:, bodies]
+        measure_end_speeds(table)[good][:, bodies]
         for table in (tables.original, tables.changed, tables.twin, tables.reference)
     ]
     resting = (speeds[3] < RESTING_SPEED * limit).all(axis=0)
@@ -300,8 +325,8 @@ def _compare_creep(
     )
 
 
-def _measure_end_speeds(table: StateTable) -> Floats:
-    # (S, nbody) mean speeds of bodies over the last fifth [m/s].
+def measure_end_speeds(table: StateTable) -> Floats:
+    """Return (S, nbody) mean speeds of bodies over the last fifth [m/s]."""
     first = int(_REST_BEGIN * (len(table.times) - 1))
     way = table.positions[:, -1] - table.positions[:, first]
     return np.linalg.norm(way, axis=-1) / (table.times[-1] - table.times[first])
@@ -403,9 +428,15 @@ def _root_mean_square(values: Floats) -> float:
 
 
 def _compare_places(
-    run: PairedRun, tables: Tables, good: np.ndarray, allowed: float, *, chaotic: bool
+    run: PairedRun,
+    tables: Tables,
+    allowed: float,
+    left_out: np.ndarray | np.bool,
+    *,
+    chaotic: bool,
 ) -> Iterator[VerifiedMeasure]:
     # A body is chaotic if its twin ends elsewhere: its end says nothing, and is left out.
+    good = tables.good
     bodies, scale = judged_bodies(run.original.model), float(run.original.model.stat.meansize)
     floor = LENGTH_TOLERANCE * scale
     places = [
@@ -415,7 +446,7 @@ def _compare_places(
     ends = [np.linalg.norm(each[:, -1] - places[3][:, -1], axis=-1) for each in places[:3]]
     twins = np.linalg.norm(places[2][:, -1] - places[0][:, -1], axis=-1)
     ways = [np.linalg.norm(each - each[:, :1], axis=-1).max(axis=1) for each in places]
-    repeatable = twins < floor
+    repeatable = (twins < floor) & ~left_out
     if not repeatable.any():
         return
     seen = repeatable.sum(axis=0)
