@@ -11,7 +11,7 @@ from shutil import rmtree
 
 import mujoco
 
-from contactlab.budget import Motion, Settings, error_budget, judge
+from contactlab.budget import Settings, error_budget, judge
 from contactlab.errors import SceneError
 from contactlab.modifications.unused_pairs import pairs_within
 from contactlab.reporting.verified_measures import describe_measure
