@@ -104,3 +104,17 @@ def test_bodies_of_a_chaotic_task_are_found(tmp_path: Path) -> None:
     found = find_chaotic_bodies(motion, 1)
     assert found[:3].any()
     assert not found[3]
+
+
+def test_a_nudge_moves_free_bodies_against_each_other(tmp_path: Path) -> None:
+    """The same nudge of all spheres would only shift their heap on the floor."""
+    body = '<body pos="{x} 0 {z}"><freejoint/><geom size=".04"/></body>'
+    heap = "".join(body.format(x=0.003 * (each % 3), z=0.05 + 0.09 * each) for each in range(8))
+    floor = '<geom type="plane" size="5 5 .1"/>'
+    path = tmp_path / "heap.xml"
+    path.write_text(f"<mujoco><worldbody>{floor}{heap}</worldbody></mujoco>")
+    motion = open_model(str(path), Session(tmp_path / "results")).motions[0]
+    nudges = (nudge_start(motion).starts - motion.starts)[0]
+    nudges = nudges[nudges != 0].reshape(8, 6)
+    assert len({tuple(np.sign(each)) for each in nudges}) > 1
+    assert find_chaotic_bodies(motion, 1).any()
