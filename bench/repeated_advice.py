@@ -11,7 +11,7 @@ import json
 import re
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,7 +56,7 @@ def list_commands(model: str, folder: Path) -> dict[str, list[str]]:
 
 
 @contextmanager
-def keep_busy(loops: int) -> Iterator[None]:
+def keep_busy(loops: int) -> Generator[None]:
     """Run busy loops until the end of the block, or for a bounded time."""
     code = f"import time\nend = time.time() + {PROTOCOL.busy_seconds}\nwhile time.time() < end: 0"
     running = [subprocess.Popen([sys.executable, "-c", code]) for _ in range(loops)]
