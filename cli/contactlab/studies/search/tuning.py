@@ -231,7 +231,7 @@ class TuningStudy:
         )
 
     def _chance_of_error(self) -> float:
-        """Return how much larger the error of an equal chaotic motion may be: its spread."""
+        # By how much the error of an equal chaotic motion may be larger: its spread over seeds.
         problem, now = self._problem, self._search.evaluate_current().error
         if now is None or not (
             measure_divergence(join_phases(problem.motions), problem.threads).chaotic
