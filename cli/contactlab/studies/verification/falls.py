@@ -94,7 +94,7 @@ def _average_creep(
     own, other = (np.minimum(measure_end_speeds(table)[good][:, bodies], most) for table in tables)
     befores, afters = own.mean(axis=0), other.mean(axis=0)
     floors = np.maximum(CREEP_TOLERANCE * scale / CREEP_SIZE, RELATIVE_TOLERANCE * befores)
-    # Both models have the same starts, so that a difference of all falls is none of chance.
+    # Both models have the same starts, so a difference in all falls is not chance.
     deviations = np.std(other - own, axis=0) / math.sqrt(max(1, falls - 1))
     spreads = float(stdtrit(max(1, falls - 1), 1 - CHANCE / len(bodies))) * deviations
     tolerances = np.maximum(floors, spreads)

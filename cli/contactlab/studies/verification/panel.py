@@ -557,9 +557,9 @@ class _Panel:
 
 
 def exceeds_chance(before: int, after: int, runs: int) -> bool:
-    """Return whether so many of some runs have a label as equal models rarely have.
+    """Return whether `after` of `runs` runs is rare for a model that equals one with `before`.
 
-    It is Fisher's exact test of `before` and `after` runs of `runs` each.
+    It is Fisher's exact test.
     """
     labeled = before + after
     whole = math.comb(2 * runs, labeled)
