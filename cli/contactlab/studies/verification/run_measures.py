@@ -130,8 +130,8 @@ def compare_run(
             on, a fall decides.
         keeps_start: False if the change only begins elsewhere. Then joint limits, rest, energy and
             tracking are not compared: the model is the same, and comes to rest in another place.
-        chaotic_bodies: (B,) judged bodies that end elsewhere if the task repeats, so that their ends
-            are not compared in shorter runs either; all are compared by default.
+        chaotic_bodies: (B,) judged bodies that end elsewhere if the task repeats, so that their
+            ends are not compared in shorter runs either; all are compared by default.
     """
     model = run.original.model
     scale = float(model.stat.meansize)
