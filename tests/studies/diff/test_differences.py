@@ -298,3 +298,19 @@ def test_a_summary_joins_changes_by_one_factor_and_names_new_sensors(tmp_path: P
         "2 sensors are new: p, t",
     ]
     assert quantities == {"mass", "inertia", "friction", "type"}
+
+
+def test_the_order_of_unnamed_geoms_changes_nothing() -> None:
+    """A geom for looks and one for contacts of equal shape, and another pair, in any order."""
+    geoms = [
+        f'<geom size=".1" pos="{place} 0 0" contype="{bit}" conaffinity="{bit}"/>'
+        for place in (0, 1)
+        for bit in (0, 1)
+    ]
+    models = [
+        mujoco.MjModel.from_xml_string(
+            f"<mujoco><worldbody><body><freejoint/>{''.join(listed)}</body></worldbody></mujoco>"
+        )
+        for listed in (geoms, geoms[::-1])
+    ]
+    assert not [*find_differences(*models)]

@@ -33,14 +33,14 @@ def match_parts(one: mujoco.MjModel, other: mujoco.MjModel) -> MatchedParts:
         ("equality", "eq_type"),
         ("key", ""),
     ):
-        types = [_part_types(model, kind, field) for model in (one, other)]
-        both[kind] = _by_name_then_type(_part_names(one, kind), _part_names(other, kind), *types)
+        types = _part_types(one, kind, field), _part_types(other, kind, field)
+        both[kind] = _by_name_then_type(_part_names(one, kind), _part_names(other, kind), types)
     same = dict(geoms)
     listed = zip(one.pair_geom1.tolist(), one.pair_geom2.tolist(), strict=True)
     ours = [frozenset(same.get(geom, -1) for geom in pair) for pair in listed]
     listed = zip(other.pair_geom1.tolist(), other.pair_geom2.tolist(), strict=True)
     both["pair"] = _by_name_then_type(
-        _part_names(one, "pair"), _part_names(other, "pair"), ours, [*map(frozenset, listed)]
+        _part_names(one, "pair"), _part_names(other, "pair"), (ours, [*map(frozenset, listed)])
     )
     counts = {kind: (len(_part_names(one, kind)), len(_part_names(other, kind))) for kind in both}
     return MatchedParts(
@@ -77,19 +77,22 @@ def _part_names(model: mujoco.MjModel, kind: str) -> list[str]:
 def _by_name_then_type(
     ones: Sequence[str],
     others: Sequence[str],
-    types: Sequence[Hashable],
-    other_types: Sequence[Hashable],
+    *levels: tuple[Sequence[Hashable], Sequence[Hashable]],
 ) -> list[tuple[int, int]]:
-    """Match parts of equal names, then the remaining ones of equal types, in order."""
+    """Match parts of equal names, then the remaining ones that are equal at a level, in order.
+
+    Each level has a property of the parts of both models, the strictest first.
+    """
     known = {name: place for place, name in enumerate(others) if name}
     found = {place: known[name] for place, name in enumerate(ones) if name in known}
     left = _remaining_parts(range(len(ones)), found)
     free = _remaining_parts(range(len(others)), found.values())
-    for place in left:
-        same = next((b for b in free if other_types[b] == types[place]), None)
-        if same is not None:
-            found[place] = same
-            free.remove(same)
+    for own, others_own in levels:
+        for place in [place for place in left if place not in found]:
+            same = next((b for b in free if others_own[b] == own[place]), None)
+            if same is not None:
+                found[place] = same
+                free.remove(same)
     return sorted(found.items())
 
 
@@ -131,7 +134,10 @@ def _match_within_bodies(
     type_: str,
     bodies: Mapping[int, int],
 ) -> list[tuple[int, int]]:
-    """Match parts of bodies by name, then the remaining ones within the same body by type."""
+    """Match parts of bodies by name, then the remaining ones within the same body by type.
+
+    Geoms of equal size, place and contacts come first, since their order in a file changes nothing.
+    """
 
     def typed(model: mujoco.MjModel, body_of: Callable[[int], Hashable]) -> list[Hashable]:
         owners, types = getattr(model, owner).tolist(), getattr(model, type_).tolist()
@@ -139,4 +145,22 @@ def _match_within_bodies(
 
     ones = typed(one, lambda body: bodies.get(body, ("gone", body)))
     others = typed(other, lambda body: body)
-    return _by_name_then_type(_part_names(one, kind), _part_names(other, kind), ones, others)
+    levels = [(ones, others)]
+    if kind == "geom":
+        shapes = (
+            np.column_stack(
+                [
+                    *(model.geom_size, model.geom_pos, model.geom_quat),
+                    *(model.geom_contype, model.geom_conaffinity),
+                ]
+            )
+            .round(6)
+            .tolist()
+            for model in (one, other)
+        )
+        listed = (
+            [(part, *shape) for part, shape in zip(parts, shaped, strict=True)]
+            for parts, shaped in zip(levels[0], shapes, strict=True)
+        )
+        levels.insert(0, (next(listed), next(listed)))
+    return _by_name_then_type(_part_names(one, kind), _part_names(other, kind), *levels)
