@@ -36,11 +36,11 @@ POLICY = """\
 class Balance:
     rate = 100.0
 
-    def reset(self, seed):
+    def __init__(self, model):
         pass
 
-    def act(self, observation):
-        return [20 * observation.qpos[1] + 4 * observation.qvel[1]]
+    def __call__(self, time, qpos, qvel, sensordata):
+        return 20 * qpos[:, 1:] + 4 * qvel[:, 1:]
 """
 # Sweep text and workers.
 OWN = {
@@ -194,22 +194,25 @@ def plan_bytes(plan: dict[str, object]) -> float:
 def measure_command(command: list[str], codes: set[int]) -> Usage:
     """Run a command, wait for all processes that it leaves behind, and return their usage."""
     peak, ended = [0], threading.Event()
-    watch = threading.Thread(target=_watch_memory, args=(peak, ended))
+    watch = threading.Thread(target=_watch_memory, args=(peak, ended), daemon=True)
     watch.start()
-    with tempfile.TemporaryFile("w+", encoding="utf-8") as output:
-        process = subprocess.Popen(command, stdout=output, stderr=subprocess.PIPE, text=True)
-        assert process.stderr
-        errors = process.stderr.read()
-        used = dict[int, float]()
+    with (
+        tempfile.TemporaryFile("w+", encoding="utf-8") as output,
+        tempfile.TemporaryFile("w+", encoding="utf-8") as errors,
+    ):
+        process = subprocess.Popen(command, stdout=output, stderr=errors)
+        used, code = dict[int, float](), 0
         with suppress(ChildProcessError):
             while True:
                 child, status, usage = os.wait4(-1, 0)
                 used[child] = usage.ru_utime + usage.ru_stime
-                if child == process.pid and os.waitstatus_to_exitcode(status) not in codes:
-                    raise RuntimeError(f"{' '.join(command)} failed:\n{errors}")
+                code = os.waitstatus_to_exitcode(status) if child == process.pid else code
         ended.set()
         watch.join()
         output.seek(0)
+        errors.seek(0)
+        if code not in codes:
+            raise RuntimeError(f"{' '.join(command)} failed:\n{errors.read()}")
         own = used.pop(process.pid)
         return Usage(own, sum(used.values()), peak[0], output.read())
 

@@ -203,10 +203,19 @@ def test_markdown_stays_below_what_a_job_summary_holds(
 
 
 def test_text_of_many_failures_stays_readable(same: ComparisonReport) -> None:
-    checks = [check_of("", number, worst=()) for number in range(100)]
+    checks = [check_of("", number, worst=(), kind="labels") for number in range(100)]
     lines = as_text(report_of(failing(same, *checks))).splitlines()
     assert sum(line.startswith("FAIL") for line in lines) == 26
     assert any(line.startswith("FAIL  and 75 more") for line in lines)
+
+
+def test_text_joins_metrics_that_fail_in_fewer_runs(same: ComparisonReport) -> None:
+    checks = [check_of("", number, worst=(), judged=10, failing=number) for number in range(10)]
+    named = [check.model_copy(update={"name": f"m{check.failing} no worse"}) for check in checks]
+    lines = as_text(report_of(failing(same, *named))).splitlines()
+    failed = [line.split()[1] for line in lines if line.startswith("FAIL")]
+    assert failed == ["m9", "m8", "m7", "m6", "m5", "m4", "4"]
+    assert any("4 more metrics" in line and "m3, m2, m1, m0" in line for line in lines)
 
 
 def test_text_of_what_cannot_be_compared() -> None:

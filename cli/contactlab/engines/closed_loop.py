@@ -8,7 +8,9 @@ that starts at or after an additional latency, and stay until the next ones take
 import copy
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
+from inspect import signature
 from itertools import chain, groupby, pairwise
 from pathlib import Path
 from statistics import mean
@@ -374,6 +376,14 @@ def load_policy(located: LocatedDrive) -> PolicyClass:
         located.check_unchanged()
         name = drive.policy.rpartition(":")[2]
         found = cast("PolicyClass", load_code("policy", located.files[0], name))
+        with suppress(ValueError):  # some classes of C have no signature
+            try:
+                signature(found).bind(None)
+            except TypeError as error:
+                raise SceneError(
+                    f"policy {located.files[0]}: {name} is made with the model: {error}; write "
+                    "def __init__(self, model)"
+                ) from error
     return send_targets(found) if drive.send else found
 
 

@@ -78,15 +78,30 @@ class Line:
         return self.name, self.message, self.worst, self.where
 
 
-def finding_lines(report: Report) -> list[Line]:
-    """Return the lines of findings, the worst first; those skipped for one reason together."""
+def finding_lines(report: Report, most_metrics: int | None = None) -> list[Line]:
+    """Return the lines of findings, the worst first; those skipped for one reason together.
+
+    Of metrics with one outcome, `most_metrics` that fail in most runs have lines, the others share
+    one; None gives each its own.
+    """
     lines: list[Line] = []
     skipped: dict[tuple[str, str], list[Finding]] = {}
+    metrics: dict[Outcome, list[Finding]] = {}
     for finding in report.findings:
-        if finding.outcome == "skipped":
+        if finding.outcome not in {"skipped", "passed"} and finding.kind == "metrics":
+            metrics.setdefault(finding.outcome, []).append(finding)
+        elif finding.outcome == "skipped":
             skipped.setdefault((finding.level, finding.message), []).append(finding)
         elif finding.outcome != "passed" or report.lists_passed:
             lines.append(_line_of_finding(finding))
+    for outcome, same in metrics.items():
+        ranked = sorted(same, key=lambda each: -each.failing / max(1, each.judged))
+        lines += map(_line_of_finding, ranked[:most_metrics])
+        if rest := ranked[len(ranked[:most_metrics]) :]:
+            names = [*dict.fromkeys(each.name.split()[0] for each in rest)]
+            most_names = 20  # about three lines
+            also = ", ".join(names if len(names) <= most_names else [*names[:most_names], "..."])
+            lines.append(Line(outcome, plural(len(rest), "more metric"), also, urgent=True))
     lines += [
         _line_of_finding(same[0]) if len(same) == 1 else _join_skipped_findings(same)
         for same in skipped.values()

@@ -55,7 +55,8 @@ def describe_findings(report: Report, *, folded: bool = False) -> Document:
             or only the first of each outcome are listed.
     """
     mark = outcome_mark("passed" if report.passed else "failed")
-    lines = finding_lines(report)
+    most_metrics = 6  # a quarter of a screen; files for machines list every one
+    lines = finding_lines(report, None if folded else most_metrics)
     if folded:
         # Stable: within the urgent ones and the others the worst come first.
         shown = sorted(lines, key=lambda line: not line.urgent)
