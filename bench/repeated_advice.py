@@ -51,7 +51,7 @@ def list_commands(model: str, folder: Path) -> dict[str, list[str]]:
         "tune": ["tune", model, "-o", str(folder / "tune")],
         "effects": ["effects", model, "-o", str(folder / "effects"), "--write",
                     str(folder / "smaller" / name)],
-        "grip": ["grip", model, "-o", str(folder / "grip")],
+        "grip": ["grip", model, "-o", str(folder / "grip.json")],
     }  # fmt: skip
 
 
