@@ -153,3 +153,36 @@ def test_a_store_s_copy_names_its_own_files_only(tmp_path: Path) -> None:
     collect_files(path)
     with pytest.raises(SceneError, match="lies outside of"):
         collect_files(path, copy=copy)
+
+
+# What MuJoCo would read of /elsewhere, written so that a reader of XML may miss it.
+DELIVERIES = {
+    "meshdir": '<compiler meshdir="/elsewhere"/><asset><mesh file="m.obj"/></asset>',
+    "assetdir": '<compiler assetdir="/elsewhere"/><asset><mesh file="m.obj"/></asset>',
+    "the last of two": '<compiler meshdir="."/><compiler meshdir="/elsewhere"/>'
+    '<asset><mesh file="m.obj"/></asset>',
+    "a character's number": '<asset><mesh file="&#47;elsewhere/m.obj"/></asset>',
+    "behind plain text": '<![CDATA[<!--]]><asset><mesh file="/elsewhere/m.obj"/></asset>',
+    "behind an instruction": '<?x <!-- ?><asset><mesh file="/elsewhere/m.obj"/></asset>',
+    "flexcomp": '<worldbody><flexcomp name="f" type="mesh" file="/elsewhere/m.obj"/></worldbody>',
+    "part": '<asset><model name="p" file="/elsewhere/part.xml"/></asset>',
+    "skin": '<asset><skin file="/elsewhere/s.skn"/></asset>',
+    "height": '<asset><hfield name="h" file="/elsewhere/h.bin" size="1 1 1 1"/></asset>',
+    "included": '<worldbody><include file="/elsewhere/part.xml"/></worldbody>',
+}
+
+
+@pytest.mark.parametrize("bom", ["", "\ufeff"])
+@pytest.mark.parametrize("name", DELIVERIES)
+def test_no_way_of_writing_it_hides_a_file(tmp_path: Path, name: str, bom: str) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    for file in ("m.obj", "s.skn", "h.bin"):
+        write(elsewhere / file)
+    (elsewhere / "part.xml").write_text("<mujoco/>")
+    project = tmp_path / "project"
+    write(project / "pyproject.toml")
+    text = DELIVERIES[name].replace("elsewhere", str(elsewhere)[1:])
+    path = project / "robot.xml"
+    path.write_text(f"{bom}<mujoco>{text}</mujoco>")
+    with pytest.raises(SceneError, match="outside of"):
+        collect_files(path)
