@@ -6,7 +6,7 @@ import sys
 import time
 from pathlib import Path
 
-from contactlab.temporary_folders import remove_left_folders
+from contactlab.temporary_folders import make_locked_folder, remove_left_folders
 
 MADE = "from contactlab.temporary_folders import temporary_folder as f; t = f(); print(t.name)"
 
@@ -47,3 +47,22 @@ def test_the_folder_of_a_process_goes_with_it_and_that_of_a_killed_one_later(
         remove_left_folders(tmp_path)
         assert set(tmp_path.iterdir()) == {places[1], kept}
         living.kill()
+
+
+def test_a_folder_beside_a_store_goes_with_the_next_of_its_kind(tmp_path: Path) -> None:
+    """Such as that of tasks on SLURM, after a kill."""
+    code = (
+        "import os; from pathlib import Path; "
+        "from contactlab.temporary_folders import make_locked_folder; "
+        f"print(make_locked_folder(Path({str(tmp_path)!r}), '.tasks-'), flush=True); os._exit(0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    left = Path(done.stdout.strip())
+    living, other = make_locked_folder(tmp_path, ".tasks-"), tmp_path / ".tasks-of-another"
+    other.mkdir()
+    for place in (left, living, other):
+        os.utime(place, (time.time() - 7200,) * 2)
+    kept = {left, living, other, make_locked_folder(tmp_path, ".tasks-", least_age=10_000)}
+    assert set(tmp_path.iterdir()) == kept
+    new = make_locked_folder(tmp_path, ".tasks-")
+    assert set(tmp_path.iterdir()) == kept - {left} | {new}

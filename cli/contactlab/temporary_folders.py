@@ -31,25 +31,32 @@ def temporary_root() -> Path:
 @cache
 def _open_root(place: str, process: int) -> Path:
     del process  # a forked process has a folder of its own
-    remove_left_folders(Path(place))
-    root = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=place))
-    # It stays open, and so locked, as long as the process or one that it forked lives.
-    lock = os.open(root / _LOCK, os.O_CREAT | os.O_RDWR, 0o600)
-    with suppress(OSError):  # some network file systems have no locks
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    root = make_locked_folder(Path(place))
     # Unlike `atexit`, it acts at the end of worker processes, too.
     Finalize(None, shutil.rmtree, (root,), {"ignore_errors": True}, exitpriority=0)
     return root
 
 
-def remove_left_folders(place: Path, least_age: float = 3600.0) -> None:
+def make_locked_folder(place: Path, prefix: str = _PREFIX, least_age: float = 3600.0) -> Path:
+    """Return a new folder, and remove older ones that ended processes have left in its place."""
+    remove_left_folders(place, least_age, prefix)
+    folder = Path(tempfile.mkdtemp(prefix=prefix, dir=place))
+    # It stays open, and so locked, as long as the process or one that it forked lives.
+    lock = os.open(folder / _LOCK, os.O_CREAT | os.O_RDWR, 0o600)
+    with suppress(OSError):  # some network file systems have no locks
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    return folder
+
+
+def remove_left_folders(place: Path, least_age: float = 3600.0, prefix: str = _PREFIX) -> None:
     """Remove folders of this user's processes that have ended.
 
     Args:
         place: folder of temporary files.
         least_age: least age of a removed folder [s]; a new one may not be locked yet.
+        prefix: start of their names.
     """
-    for folder in place.glob(f"{_PREFIX}*"):
+    for folder in place.glob(f"{prefix}*"):
         with suppress(OSError):
             status = folder.lstat()
             if status.st_uid != os.geteuid() or time.time() - status.st_mtime < least_age:

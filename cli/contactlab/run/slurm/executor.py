@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from importlib.metadata import version
 from itertools import islice, takewhile
 from pathlib import Path
-from tempfile import TemporaryDirectory, mkdtemp
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import submitit
@@ -19,6 +19,7 @@ from submitit.core.utils import FailedJobError, UncompletedJobError
 from contactlab.run.slurm.part import BUNDLE, RESULT, STOP, Part, runs_of, unfinished_jobs
 from contactlab.run.task_bundle import pack_bundle
 from contactlab.run.tasks import MAX_LOSSES, Crashed, Job, Result, Stop, Task
+from contactlab.temporary_folders import make_locked_folder
 
 _POLL_SECONDS = 0.5  # between two checks for results [s]
 _SAFE_PATH_VARIABLE = "PYTHONSAFEPATH"
@@ -41,7 +42,9 @@ class SlurmExecutor:
     def run(self, task: Task, jobs: Iterable[Job], stop: Stop) -> Iterator[Result]:
         """Yield the results of jobs when they are ready; see `Executor`."""
         beside = task.store.absolute().parent if isinstance(task.store, Path) else Path.cwd()
-        folder = Path(mkdtemp(prefix=".contactlab-slurm-", dir=beside))
+        # Nodes may not see each other's locks, but tasks change the folder within a week.
+        week = 7 * 86_400.0
+        folder = make_locked_folder(beside, ".contactlab-slurm-", least_age=week)
         (folder / BUNDLE).write_bytes(pack_bundle(task))
         engine = task.identity.engine
         versions = {"contactlab": version("contactlab"), engine.name: engine.version}
