@@ -6,7 +6,7 @@ import pytest
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import GRAVITY_AS_REAL, INTEGRATION
-from contactlab.budget.restarts import held_inputs
+from contactlab.budget.restarts import build_reference_model, held_inputs
 from contactlab.studies.search.configuration import Configuration
 from contactlab.tasks.reference_error import SLACK_SHARE, TaskReference
 from contactlab.tasks.task_clock import whole_run
@@ -75,6 +75,16 @@ def test_slack_is_a_time_however_fine_the_reference_is(finer: int) -> None:
     apart = reference.uncorrected_error(light, finer)
     missing = 0.1 - 0.9 * SLACK_SHARE
     assert apart.error == pytest.approx(missing / (1 + GRAVITY_AS_REAL), rel=0.03)
+
+
+def test_models_of_equal_steps_forgive_no_time() -> None:
+    """With .9 g, a body has .1 g T too little speed after T, whatever the step."""
+    falling = motion(FALL.replace("0.002", "0.01"), 0.4)
+    reference = TaskReference.run_references([falling], 1, 1)
+    light = Configuration({"gravity": (0.0, 0.0, -0.9 * 9.81)}).apply_to(falling.model)
+    same = reference.velocities_around(build_reference_model)
+    apart = reference.error_against(lambda _: light, same)
+    assert apart.error == pytest.approx(0.1 / (1 + GRAVITY_AS_REAL), rel=1e-6)
 
 
 def test_the_model_itself_at_the_fine_step_is_not_apart() -> None:

@@ -184,7 +184,9 @@ class PhaseReference:
     ) -> ErrorEstimate:
         """Compare a model with the reference; its step is `multiple` fine steps.
 
-        `against` (M, K, B, 6) replaces the reference around the ends of the windows.
+        `against` (M, 3, B, 6) are velocities around the ends of the windows that replace those of
+        the reference. Both models then make the same steps, so that stepping gives no event another
+        time, and no shift in time is forgiven: it would hide forces up to a share of the window.
         """
         ends, which = self._window_ends(multiple)
         if not len(which):
@@ -194,8 +196,10 @@ class PhaseReference:
             slack = self._slack_of(multiple)
             # Velocities are straight between steps.
             own = own[:, 1:2] + (own - own[:, 1:2]) * (slack / multiple)
-            against = self._reference_around(ends, which, multiple)
-        found = defects(own, against)
+            found = defects(own, self._reference_around(ends, which, multiple))
+        else:
+            apart = np.linalg.norm(own[:, 1] - against[:, 1], axis=-1)
+            found = np.where(np.isnan(apart), np.inf, apart)
         begin = self._run.begins[which[:, 1]]
         kept = np.isin(
             self._windows[:, 0] * len(self._run.begins) + self._windows[:, 1],

@@ -22,6 +22,7 @@ from contactlab.studies.search.configuration import (
 from contactlab.studies.search.search_space import Parameter
 from contactlab.studies.search.settings_search import (
     EQUAL_ERROR_RATIO,
+    SAVING,
     STEP_MARGIN,
     Bound,
     Search,
@@ -366,3 +367,28 @@ def test_an_integrator_that_moves_like_a_cheaper_one_has_no_ladder() -> None:
         name = one.configuration.settings.get("integrator", "Euler")
         steps[name].add(one.configuration.multiple)
     assert len(steps["implicit"]) < 0.7 * min(len(steps["Euler"]), len(steps["RK4"]))
+
+
+@dataclass
+class GeomCosts:
+    """Costs of a model in which each geom of condim 3 saves a percent of the work."""
+
+    def count_cost(self, model: mujoco.MjModel, multiple: int) -> float:
+        return FINER / multiple * (1 - 0.01 * float((model.geom_condim == 3).sum()))
+
+
+@pytest.mark.parametrize("count", [10, 40])
+def test_geoms_that_save_work_only_together_stay_together(count: int) -> None:
+    """None of them saves the least saving alone, and few trials tell that they save it together."""
+    geoms = "".join(f'<geom name="g{each}" size=".1" condim="4"/>' for each in range(count))
+    body = f"<body><freejoint/>{geoms}</body>"
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    settings = {f"geom_condim[g{each}]": 3 for each in range(count)}
+    parameter = Parameter("geom_condim", [settings])
+    space = SearchSpace({AS_WRITTEN: model}, AS_WRITTEN, FINER, (FINER,), [parameter], ["Euler"])
+    measure, bound = Ideal(1e-3), Bound.of(0.05)
+    search = Search(space, measure, GeomCosts(), (bound,), None, 1e6, lambda: False)
+    search.run_search()
+    best = search.rank_candidates(bound)[0]
+    assert best.cost <= (1 - 0.01 * count) / SAVING
+    assert measure.asked < 20

@@ -45,7 +45,7 @@ def test_a_shortened_task_has_the_first_share_of_each_phase() -> None:
 
 def test_little_work_shortens_runs_and_much_does_not(tmp_path: Path) -> None:
     whole = _plan(tmp_path, 300.0)
-    assert whole.length_share == 1
+    assert whole.length_share == whole.verified_share == 1
     assert whole.verified_seeds == whole.seeds == 3
     assert not whole.skipped
     short = _plan(tmp_path, 3.0)
@@ -60,7 +60,7 @@ def test_the_first_verification_fits_into_the_work(tmp_path: Path) -> None:
     for seconds in (20.0, 60.0):
         plan = _plan(tmp_path, seconds)
         cost = estimate_panel(
-            plan.own_model, TASK, plan.verified_seeds, plan.length_share, plan.cost.step_seconds
+            plan.own_model, TASK, plan.verified_seeds, plan.verified_share, plan.cost.step_seconds
         )
         assert cost.first <= PLAN.verification * PLAN.whole * seconds
         assert cost.next < cost.first

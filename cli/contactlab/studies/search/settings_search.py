@@ -44,6 +44,8 @@ EQUAL_ERROR_RATIO = 1.02
 _LOSSLESS_SHARE = (
     0.05  # share of the limit that a lossless setting may add to the error of the model
 )
+_MOST_GEOMS = 12
+"""Geoms whose contacts are tried one by one; more would crowd the patch, and take long."""
 _ACCURATE = "RK4"  # has the finest steps first, if work ends the search
 
 _UNUSED: Reductions = frozenset({"unused"})
@@ -638,8 +640,7 @@ class Search:
             for one in (*near, cheapest):
                 if good(one):
                     return _added_settings(one, base)
-            most_geoms = 12  # whose contacts are tried one by one; more would crowd the patch
-            alone = split_condim(_added_settings(cheapest, base))[:most_geoms]
+            alone = split_condim(_added_settings(cheapest, base))[:_MOST_GEOMS]
             if kept := [each for each in alone if good(base.with_settings(each))]:
                 return dict(ChainMap(*map(dict, kept)))
         return {}
@@ -647,34 +648,37 @@ class Search:
     def _drop_useless(self, choice: Configuration, most: float | None = None) -> Configuration:
         """Return a configuration without changes that save no work in combination.
 
-        Each is tested by leaving it out. `most` is the largest error, by default the bound.
+        Each is tested by leaving it out, and those that are left out save nothing together either.
+        `most` is the largest error, by default the bound.
         """
-        accepted = self.bound.accepted if most is None else most
+        accepted, whole = self.bound.accepted if most is None else most, choice
         for without in self._simpler_choices(choice):
-            if without(choice) is None:
-                continue
             simpler = without(choice)
-            assert simpler is not None
-            if not self._saves_work(choice, simpler) and self._error_of(simpler) <= accepted:
+            if simpler is None:
+                continue
+            if not self._saves_work(whole, simpler) and self._error_of(simpler) <= accepted:
                 choice = simpler
         return choice
 
     def _simpler_choices(
         self, choice: Configuration
     ) -> list[Callable[[Configuration], Configuration | None]]:
-        def without_setting(name: str) -> Callable[[Configuration], Configuration | None]:
+        def without_settings(names: Sequence[str]) -> Callable[..., Configuration | None]:
             def drop(own: Configuration) -> Configuration | None:
-                if name not in own.settings:
-                    return None
-                kept = {key: value for key, value in own.settings.items() if key != name}
-                return replace(own, settings=kept)
+                kept = {key: value for key, value in own.settings.items() if key not in names}
+                return replace(own, settings=kept) if len(kept) < len(own.settings) else None
 
             return drop
 
         def without_reductions(own: Configuration) -> Configuration | None:
             return own.with_reductions(AS_WRITTEN) if own.reductions == _UNUSED else None
 
-        return [*map(without_setting, [*choice.settings][::-1]), without_reductions]
+        # More geoms than are tried one by one stay or go together.
+        names = [name.partition("[")[0] for name in choice.settings]
+        groups = dict[str, list[str]]()
+        for name, kind in zip(choice.settings, names, strict=True):
+            groups.setdefault(kind if names.count(kind) > _MOST_GEOMS else name, []).append(name)
+        return [*map(without_settings, [*groups.values()][::-1]), without_reductions]
 
     def _search_steps(self, base: Configuration) -> Configuration | None:
         """Return the configuration with the best integrator and timestep; None if none is good."""

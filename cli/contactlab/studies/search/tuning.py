@@ -584,7 +584,7 @@ class TuningStudy:
             if left < 0:
                 break
             chosen.append(one)
-        if current.time_ratio is None:
+        if chosen and current.time_ratio is None:
             chosen.append(current)
         if chosen and self._time_limit.remaining > 0:
             self._time_closely(chosen)
@@ -649,13 +649,15 @@ class TuningStudy:
 
     def _timed_tasks(self) -> Iterator[Sequence[Motion]]:
         """Yield the task with seeds of the search and fresh ones, then repeatedly with others."""
-        own, unseen = self._problem.motions, self._problem.fresh_motions
-        yield [join_seeds(*pair) for pair in zip(own, unseen, strict=True)]
-        task = self._problem.fresh_task
+        problem = self._problem
+        task = with_new_seeds(problem.task)
+        task = task.model_copy(update={"seeds": task.seeds[: problem.seeds]})
+        pairs = zip(problem.motions, problem.examined.motions_of(task), strict=True)
+        yield [join_seeds(*pair) for pair in pairs]
         seed_factor = 6  # seeds of the clock, in multiples of the search's seeds, if seeds differ
         for _ in range(seed_factor):
             task = with_new_seeds(task)
-            yield self._problem.examined.motions_of(task)
+            yield problem.examined.motions_of(task)
 
     def _file_of(self, answer: VerifiedCandidate) -> str:
         return str(answer.model.path.relative_to(self._session.folder))

@@ -117,7 +117,8 @@ class SearchRules:
         search_passes: approximate simulations of the task per search.
         fewest_passes: below, runs are shortened: exact savings, the solver, and a few steps.
         fresh_passes: simulations of the task per seed, for references and errors on fresh seeds.
-        most_window_stride: at least one in this many windows is used.
+        window_stride: at least one in this many windows is used if there are several seeds.
+        most_window_stride: at least one in this many windows is used of one seed.
     """
 
     first_verification_share: float = 0.8
@@ -133,7 +134,8 @@ class SearchRules:
     search_passes: int = 80
     fewest_passes: int = 30
     fresh_passes: int = 16
-    most_window_stride: int = 4
+    window_stride: int = 4
+    most_window_stride: int = 8
 
 
 _RULES = SearchRules()
@@ -148,8 +150,10 @@ class TuningProblem:
         cost: counts the work of models.
         original_runs: runs of the model as written that verifications compare with.
         work: counted time that the search may take [s].
-        task: the model's task, shortened if the model is slow.
-        length_share: share of the length of all runs.
+        task: the model's task, shortened if the model is very slow.
+        length_share: share of the length of the runs of the search.
+        verified_task: the model's task in verifications, shortened if the model is slow.
+        verified_share: share of the length of the runs of verifications.
         verified_seeds: seeds of the comparison with the model as written.
         max_verdicts: candidates that may be verified.
         reference: the reference that errors are measured from.
@@ -177,8 +181,10 @@ class TuningProblem:
         one = [first_seeds(motion, 1) for motion in self.motions]
         self.cost = CountedCost(one, self.model, threads)
         self._window_stride = self._plan_windows()
-        self.verified_seeds, self.length_share = self._plan_length()
+        self.verified_seeds, self.verified_share = self._plan_verification()
+        self.verified_task = shorten_task(self.task, self.verified_share)
         self.max_verdicts = self._plan_verdicts()
+        self.length_share = self._plan_length()
         self._shorten_motions()
         self.reference_integrator: str | None = None
         self.reference = self._converged_reference()
@@ -229,8 +235,8 @@ class TuningProblem:
 
     @cached_property
     def fresh_task(self) -> Task:
-        """The task with as many fresh seeds as the search has seeds."""
-        task = with_new_seeds(self.task)
+        """The verified task with as many fresh seeds as the search has seeds."""
+        task = with_new_seeds(self.verified_task)
         return task.model_copy(update={"seeds": task.seeds[: self.seeds]})
 
     @cached_property
@@ -256,12 +262,12 @@ class TuningProblem:
 
     def _plan_windows(self) -> int:
         takes, allowed = self.cost.pass_seconds, self._trial_work / _RULES.search_passes
-        seeds = min(self.seeds, max(1, int(_RULES.most_window_stride * allowed / takes)))
+        seeds = min(self.seeds, max(1, int(_RULES.window_stride * allowed / takes)))
         self.motions = [first_seeds(motion, seeds) for motion in self.motions]
         return min(_RULES.most_window_stride, max(1, math.ceil(seeds * takes / allowed)))
 
-    def _plan_length(self) -> tuple[int, float]:
-        """Return the seeds of the verification, and the share of the length of all runs.
+    def _plan_verification(self) -> tuple[int, float]:
+        """Return the seeds of the verification, and the share of the length of its runs.
 
         Both fit into the counted work. Seeds are reduced first.
         """
@@ -272,13 +278,18 @@ class TuningProblem:
         def estimate(seeds: int, share: float) -> float:
             return self._estimate_panel(seeds, share).first
 
-        seeds, verified = fit_panel(estimate, self.seeds, allowed)
+        seeds, share = fit_panel(estimate, self.seeds, allowed)
+        return seeds, max(fewest_windows_share(self.task), min(1.0, share))
+
+    def _plan_length(self) -> float:
+        if self._request.error_at is not None:
+            return 1.0
         passes = self.search_passes / _RULES.fewest_passes
-        return seeds, max(fewest_windows_share(self.task), min(1.0, verified, passes))
+        return max(fewest_windows_share(self.task), min(1.0, passes))
 
     def _plan_verdicts(self) -> int:
         """Return how many candidates may be verified within the counted work."""
-        cost = self._estimate_panel(self.verified_seeds, self.length_share)
+        cost = self._estimate_panel(self.verified_seeds, self.verified_share)
         left = self._verification_work - cost.first
         return 2 + max(0, int(left / (_RULES.rejected_share * cost.next)))
 
@@ -301,8 +312,10 @@ class TuningProblem:
             ]
             reason = f"runs of {share * whole:.2g} s for {whole:g} s; --max-time allows no more"
             self._skip_part("length", reason)
-        if self.verified_seeds < seeds:
+        if self.verified_seeds < seeds or self.verified_share < 1:
             reason = f"{self.verified_seeds} of {seeds} seeds were compared"
+            if self.verified_share < 1:
+                reason += f", in runs of {self.verified_task.duration:.2g} s"
             self._skip_part("verification", f"{reason}; --max-time allows no more")
         allowed = _RULES.count_share * self.work / _RULES.search_passes
         samples = int(allowed / (self.cost.sample_seconds * len(self.motions)))
@@ -347,8 +360,12 @@ class TuningProblem:
     def run_reference(
         self, motions: Sequence[Motion], substeps: int, integrator: str | None = None
     ) -> TaskReference:
-        """Run references of motions, in as many windows as the work allows."""
-        stride = self._window_stride
+        """Run references of motions, in as many windows as the work allows.
+
+        Shorter motions have as many windows, at least one in as many as those of the search.
+        """
+        shorter = motions[0].steps / self.motions[0].steps
+        stride = max(1, round(min(1.0, shorter) * self._window_stride))
         return TaskReference.run_references(motions, substeps, self.threads, stride, integrator)
 
     def _smooth_reference(self, own: float, finer: int) -> TaskReference | None:

@@ -500,7 +500,7 @@ class CandidateVerifier:
                 allowed_error=self._limit_of(goal) if goal.allows_error else 0.0,
                 stop_early=True,
                 most_seeds=min(self._problem.seeds, self._problem.verified_seeds),
-                length_share=self._problem.length_share,
+                length_share=self._problem.verified_share,
                 runs=self._problem.original_runs,
                 find_time_left=lambda: self._time_limit.remaining,
             )
@@ -534,7 +534,7 @@ class CandidateVerifier:
 
     def _own_task(self, seeds: int) -> Task:
         """Return the task with the first seeds of the search."""
-        task = self._problem.task
+        task = self._problem.verified_task
         return task.model_copy(update={"seeds": task.seeds[:seeds]})
 
     def judge_current(self) -> None:
