@@ -43,15 +43,17 @@ def test_a_shortened_task_has_the_first_share_of_each_phase() -> None:
     assert shorten_task(TASK, 1.0) == TASK
 
 
-def test_little_work_shortens_runs_and_much_does_not(tmp_path: Path) -> None:
+def test_little_work_shortens_verifications_and_much_does_not(tmp_path: Path) -> None:
     whole = _plan(tmp_path, 300.0)
     assert whole.length_share == whole.verified_share == 1
     assert whole.verified_seeds == whole.seeds == 3
     assert not whole.skipped
     short = _plan(tmp_path, 3.0)
-    assert short.length_share < 1
+    assert short.verified_share < 1
+    assert short.verified_task == shorten_task(whole.verified_task, short.verified_share)
+    assert short.verified_share <= short.length_share
     assert short.verified_seeds == 1
-    assert {each.name for each in short.skipped} >= {"length", "seeds"}
+    assert {each.name for each in short.skipped} >= {"verification", "seeds"}
     for own, all_of_it in zip(short.motions, whole.motions, strict=True):
         assert own.steps == pytest.approx(short.length_share * all_of_it.steps, abs=1)
 

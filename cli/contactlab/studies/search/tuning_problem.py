@@ -315,7 +315,7 @@ class TuningProblem:
         if self.verified_seeds < seeds or self.verified_share < 1:
             reason = f"{self.verified_seeds} of {seeds} seeds were compared"
             if self.verified_share < 1:
-                reason += f", in runs of {self.verified_task.duration:.2g} s"
+                reason += f", in runs of {self.verified_task.duration:.3g} s"
             self._skip_part("verification", f"{reason}; --max-time allows no more")
         allowed = _RULES.count_share * self.work / _RULES.search_passes
         samples = int(allowed / (self.cost.sample_seconds * len(self.motions)))
