@@ -51,7 +51,7 @@ class KnownStates:
     def __init__(self, motions: Sequence[Motion], workers: int) -> None:
         """Run nothing yet."""
         self.motions, self._workers = motions, workers
-        first_steps = 20  # in which a model that moves otherwise usually shows it
+        first_steps = 20  # a model that moves otherwise usually shows it by then
         self._begins = [
             replace(motion, inputs=motion.inputs[:, :first_steps]) for motion in motions
         ]

@@ -178,11 +178,11 @@ class SmallerSearch:
         motions, first_share = original.motions, 0.6  # of the time, for the first set
         model, pace = motions[0].model, count_pace(motions)
 
-        def estimate(seeds: int, share: float) -> float:
+        def estimate_seconds(seeds: int, share: float) -> float:
             return estimate_panel(model, original.task, seeds, share, pace).first
 
         allowed = first_share * self.time_limit.remaining
-        seeds, share = fit_panel(estimate, len(original.task.seeds), allowed)
+        seeds, share = fit_panel(estimate_seconds, len(original.task.seeds), allowed)
         return seeds, max(fewest_windows_share(original.task), min(1.0, share))
 
     def _describe_shortening(self) -> str:

@@ -275,10 +275,10 @@ class TuningProblem:
             return self.seeds, 1.0
         allowed = _RULES.first_verification_share * self._verification_work
 
-        def estimate(seeds: int, share: float) -> float:
+        def estimate_seconds(seeds: int, share: float) -> float:
             return self._estimate_panel(seeds, share).first
 
-        seeds, share = fit_panel(estimate, self.seeds, allowed)
+        seeds, share = fit_panel(estimate_seconds, self.seeds, allowed)
         return seeds, max(fewest_windows_share(self.task), min(1.0, share))
 
     def _plan_length(self) -> float:
