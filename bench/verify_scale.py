@@ -6,6 +6,11 @@ Each store is a real one but for its outcomes, which all runs share: a sweep is 
 all its runs are made up with their own ids, axis values and settings, and the sweep is resumed,
 which finishes it. "files and records" is `verify_store.verify`; "run ids" resolves each run again.
 Each is a process of its own; memory is its peak, imports included.
+
+Traces take longer: one of a million steps of a ball, 55 MB that hold 391 MB, takes 1.0 s of CPU, or
+57 MB/s of the file. Decompression takes 0.13 to 0.19 s of it, hashes of the file and its states
+0.1 s, so that no check of all bytes passes 240 MB/s of such a file. Half of the rest compares the
+file with the encoding of its messages, and half copies and checks its fields.
 """
 
 import contextlib

@@ -60,8 +60,9 @@ def test_a_folder_beside_a_store_goes_with_the_next_of_its_kind(tmp_path: Path) 
     left = Path(done.stdout.strip())
     living, other = make_locked_folder(tmp_path, ".tasks-"), tmp_path / ".tasks-of-another"
     other.mkdir()
+    hours_ago = time.time() - 7200
     for place in (left, living, other):
-        os.utime(place, (time.time() - 7200,) * 2)
+        os.utime(place, (hours_ago, hours_ago))
     kept = {left, living, other, make_locked_folder(tmp_path, ".tasks-", least_age=10_000)}
     assert set(tmp_path.iterdir()) == kept
     new = make_locked_folder(tmp_path, ".tasks-")
