@@ -55,7 +55,12 @@ def build_point(number: int, time: float, error: float) -> FrontPoint:
 
 
 def build_report(points: list[FrontPoint]) -> TuneReport:
-    shares: dict[str, Any] = {"kind": "as written", "divergence": "", "error_at": None}
+    shares: dict[str, Any] = {
+        "kind": "as written",
+        "divergence": "",
+        "error_at": None,
+        "chance": 0.0,
+    }
     target = Target(limit=0.01, unit="1", tolerance=0.1, real_time=None, observed=(), **shares)
     task = Task(start="qpos0", drive="none", own_controls=False, duration=1.0, phases=())
     friction = ParameterUncertainty(name="friction 10 %", error=0.002, body="arm")
