@@ -175,7 +175,8 @@ def run_episode(model: mujoco.MjModel, rate: float, delay: float, goal: Floats) 
     data, policy = reset_reach(model), Reach(model)
     policy.goal = goal
     period, late = round(1 / rate / model.opt.timestep), round(delay / model.opt.timestep)
-    waiting, far = deque[Floats]([np.concatenate([data.ctrl, data.mocap_pos[0]])] * late), 0.0
+    wanted = np.concatenate([data.ctrl, data.mocap_pos[0]])
+    waiting, far = deque[Floats]([wanted] * late), 0.0
     steps = round(max(400 / rate, 40.0) / model.opt.timestep)
     for step in range(steps):
         if step % period == 0:

@@ -3,6 +3,7 @@
 import math
 import threading
 from dataclasses import replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -27,7 +28,7 @@ INERTIA = 0.02
 
 
 def hinge_loop(
-    kp: float, kd: float, *, h: float = 1e-3, integrator: str = "Euler", **values: float
+    kp: float, kd: float, *, h: float = 1e-3, integrator: str = "Euler", **values: Any
 ) -> ControlLoop:
     class Hold:
         def __init__(self, model: mujoco.MjModel) -> None:

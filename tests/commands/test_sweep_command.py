@@ -78,7 +78,10 @@ MISTAKES = [
     (["sweep", "."], "error: no sweep file"),
     (["sweep", "small.yaml", "--set", "timestp=1"], "error[unknown-axis]: unknown axis 'timestp'"),
     (["sweep", "small.yaml", "--set", "timestep=0"], "error[bad-value]: 0 is not a value of 'time"),
-    (["sweep", "small.yaml", "--set", "timestep=nan"], "error[not-finite]: 'timestep' must be finite"),
+    (
+        ["sweep", "small.yaml", "--set", "timestep=nan"],
+        "error[not-finite]: 'timestep' must be finite",
+    ),
     (["sweep", "small.yaml", "--set", "timestep"], "error["),
     (
         ["sweep", "small.yaml", "--where", "timestep=7"],

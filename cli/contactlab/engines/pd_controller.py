@@ -2,7 +2,7 @@
 
 import copy
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import mujoco
 import numpy as np
@@ -77,7 +77,7 @@ def send_targets(policy: PolicyClass) -> PolicyClass:
         return partial(send_targets(policy.func), **policy.keywords)
     if not isinstance(policy, type):
         raise SceneError("send=targets: the policy is a function; write a class, or leave it out")
-    kind: type[Any] = policy
+    kind: Any = policy
 
     def make_policy(self: Any, model: mujoco.MjModel, **gains: float) -> None:  # noqa: ANN401
         motors, servos = copy.copy(model), find_servos(model)
@@ -101,7 +101,7 @@ def send_targets(policy: PolicyClass) -> PolicyClass:
         return controls
 
     members = {"__init__": make_policy, "__call__": find_targets, "__module__": kind.__module__}
-    return type(kind.__name__, (kind,), members)
+    return cast("PolicyClass", type(kind.__name__, (kind,), members))
 
 
 def find_servos(model: mujoco.MjModel) -> np.ndarray:

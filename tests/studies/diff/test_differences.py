@@ -307,10 +307,10 @@ def test_the_order_of_unnamed_geoms_changes_nothing() -> None:
         for place in (0, 1)
         for bit in (0, 1)
     ]
-    models = [
+    one, other = (
         mujoco.MjModel.from_xml_string(
             f"<mujoco><worldbody><body><freejoint/>{''.join(listed)}</body></worldbody></mujoco>"
         )
         for listed in (geoms, geoms[::-1])
-    ]
-    assert not [*find_differences(*models)]
+    )
+    assert not [*find_differences(one, other)]

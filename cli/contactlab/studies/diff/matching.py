@@ -126,6 +126,12 @@ def _joint_types(model: mujoco.MjModel, body: int) -> list[int]:
     return np.asarray(model.jnt_type[first : first + count]).tolist() if count else []
 
 
+def _add_shapes(parts: Sequence[Hashable], model: mujoco.MjModel) -> list[Hashable]:
+    places = (model.geom_size, model.geom_pos, model.geom_quat)
+    shapes = np.column_stack([*places, model.geom_contype, model.geom_conaffinity]).round(6)
+    return [(part, *shape) for part, shape in zip(parts, shapes.tolist(), strict=True)]
+
+
 def _match_within_bodies(
     one: mujoco.MjModel,
     other: mujoco.MjModel,
@@ -147,20 +153,5 @@ def _match_within_bodies(
     others = typed(other, lambda body: body)
     levels = [(ones, others)]
     if kind == "geom":
-        shapes = (
-            np.column_stack(
-                [
-                    *(model.geom_size, model.geom_pos, model.geom_quat),
-                    *(model.geom_contype, model.geom_conaffinity),
-                ]
-            )
-            .round(6)
-            .tolist()
-            for model in (one, other)
-        )
-        listed = (
-            [(part, *shape) for part, shape in zip(parts, shaped, strict=True)]
-            for parts, shaped in zip(levels[0], shapes, strict=True)
-        )
-        levels.insert(0, (next(listed), next(listed)))
+        levels.insert(0, (_add_shapes(ones, one), _add_shapes(others, other)))
     return _by_name_then_type(_part_names(one, kind), _part_names(other, kind), *levels)
