@@ -38,7 +38,9 @@ def hinge_loop(
             return -kp * seen[1] - kd * seen[2]
 
     model = mujoco.MjModel.from_xml_string(HINGE.format(h=h, integrator=integrator))
-    return ControlLoop(model, Hold, start_of(model), **{"rate": 200.0, **values})
+    return ControlLoop(
+        model, Hold, start_of(model), **dict[str, Any](values, rate=values.get("rate", 200.0))
+    )
 
 
 def start_of(model: mujoco.MjModel) -> Floats:
