@@ -135,6 +135,7 @@ def no_file(path: Path, kind: str, suffixes: Collection[str] = ()) -> str:
         return f"{path} is a folder, no {kind}; name a file in it"
     if not path.parent.is_dir():
         return f"no {kind} {path}; there is no folder {path.parent}"
+    suffixes = [suffix for suffix in suffixes if suffix]
     found = sorted(file.name for file in path.parent.iterdir() if file.is_file())
     names = [name for name in found if not suffixes or Path(name).suffix in suffixes]
     most_nearby = 3

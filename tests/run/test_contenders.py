@@ -56,7 +56,7 @@ def test_one_goes_on_unless_another_is_as_good_and_clearly_faster(
             errors[run_id] = {ERROR: errs[number]}
             times[run_id] = (1 + time) * (1 + 0.1 * number)
     task = SimpleNamespace(sweep=sweep)
-    session = SimpleNamespace(task=task, planned=runs, outcomes=outcomes)
+    session = SimpleNamespace(task=task, planned_runs=runs, outcomes=outcomes)
     select = passes._Contenders(  # pyright: ignore[reportPrivateUsage]
         cast("SweepSession", session), runs, errors
     )

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Collection
 from itertools import combinations
+from pathlib import Path
 
 from contactlab.errors import suggestion
 from contactlab.expression import Expression, ExpressionError
@@ -119,7 +120,12 @@ def check_drive(context: SweepContext) -> None:
     """Add a mistake for a drive of the sweep that cannot be used, such as a missing file."""
     document, drive, check = context.document, context.sweep.drive, context.vocabulary
     if drive and check.mistake_in_drive and (mistake := check.mistake_in_drive(drive)):
-        keys = [key for key in ("policy", "file") if key in document.mapping_at("drive")]
+        written = document.mapping_at("drive")
+        given = [key for key in ("policy", "file", "files") if key in written]
+        # A missing file is that of the key with its name.
+        files = {key: str(written[key]).strip("[]'").partition(":")[0] for key in given}
+        named = [key for key in given if Path(files[key]).name in mistake.partition(";")[0]]
+        keys = (named or given)[:1]
         hint = "relative paths start at the sweep file" * ("no file" in mistake)
         document.add_mistake("drive-file", ("drive", *keys), mistake, hint)
 
