@@ -157,7 +157,7 @@ class LoopRows:
         self._sensors = int((self.model.sensor_adr + self.model.sensor_dim)[own].max(initial=0))
         self._policy: Any = loop.policy(copy.copy(loop.model))
         self._first: Floats | None = None
-        # Arrays made before the first call know no number of rows, and are no memory.
+        # Arrays made before the first call do not depend on the number of rows: not memory.
         self._known = {path: owner[key] for path, (owner, key) in self._list_arrays()}
         self._memory: tuple[Path, ...] | None = None
 
@@ -174,7 +174,7 @@ class LoopRows:
         return not any(data.warning.number.any() for data in self.data)
 
     def repeat_row(self, count: int) -> "LoopRows":
-        """Return so many rows, all in the state of the first one."""
+        """Return `count` rows, all in the state of the first one."""
         if self._memory is None:
             rows, known = len(self.data), self._known
             self._memory = tuple(
@@ -330,7 +330,7 @@ def find_modes(loop: ControlLoop, times: Floats) -> tuple[float, int]:
         values, shapes = np.linalg.eig(rows.linearize_period())
         energies = np.abs(shapes[loop.model.nv : 2 * loop.model.nv]) ** 2
         energies *= _dof_inertia(rows)[:, None]
-        # Modes of objects alone are no modes of the loop; those of controls alone are.
+        # The loop has modes of the robot and of controls, not those of objects alone.
         of_robot = energies[loop.robot_dofs].sum(axis=0) >= 1e-3 * energies.sum(axis=0)
         place = int(np.where(of_robot, np.abs(values), 0.0).argmax())
         rate = math.log(max(abs(values[place]), 1e-300)) * loop.rate

@@ -91,7 +91,7 @@ def list_steered_keys(
 
 
 def move_inside(loop: ControlLoop, servos: Sequence[PositionServo]) -> ControlLoop:
-    """Return the loop with servos in place of motors, to which its policy sends targets."""
+    """Return the loop with servos in place of motors; its policy sends targets to them."""
     model = copy.copy(loop.model)
     ids = [find_id(model, "actuator", servo.actuator) for servo in servos]
     model.actuator_biastype[ids] = int(mujoco.mjtBias.mjBIAS_AFFINE)

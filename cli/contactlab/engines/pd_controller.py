@@ -57,7 +57,7 @@ def find_motors(model: mujoco.MjModel) -> PdGains:
     if np.any(model.actuator_biasprm[single, 1:3]):
         raise SceneError("a PD by gains drives motors, but actuators have feedback of their own")
     if not single.any():
-        raise SceneError("a PD by gains drives motors of joints, but there are none")
+        raise SceneError("a PD by gains drives motors of joints, but no motor moves a joint")
     used = np.where(single, joints, 0)
     scale = model.actuator_gear[:, 0] * model.actuator_gainprm[:, 0]
     controls = np.where(single & (scale != 0), 1 / np.where(scale, scale, 1.0), 0.0)
@@ -71,7 +71,7 @@ def send_targets(policy: PolicyClass) -> PolicyClass:
     the policy wants, so a PD with the gains of the servos sends the target of its own.
 
     Raises:
-        SceneError: the policy is no class.
+        SceneError: the policy is not a class.
     """
     if isinstance(policy, partial):
         return partial(send_targets(policy.func), **policy.keywords)
@@ -108,7 +108,7 @@ def find_servos(model: mujoco.MjModel) -> np.ndarray:
     """Return the ids of the position servos of slides and hinges.
 
     Raises:
-        SceneError: there are none.
+        SceneError: no servo moves a slide or a hinge.
     """
     joints = np.asarray(model.actuator_trnid)[:, 0]
     gains, biases = model.actuator_gainprm, model.actuator_biasprm

@@ -6,7 +6,7 @@ from contactlab.schema.strict_model import FiniteOrNull, Model, about
 
 
 class LoopMargin(Model):
-    """The border of one parameter of a loop, other parameters as they are."""
+    """The border of one parameter of a loop; other parameters are unchanged."""
 
     name: Literal["rate", "delay", "gain", "armature"] = about(
         "rate of the controller; delay from observation to action; factor on its gains; least "
@@ -15,8 +15,8 @@ class LoopMargin(Model):
     unit: str
     holds_above: bool = about("Whether larger values hold, instead of smaller ones.")
     current: float
-    linear: FiniteOrNull = about("Border of the linear loop; null if there is none.")
-    border: FiniteOrNull = about("Border of the simulated loop; null if there is none.")
+    linear: FiniteOrNull = about("Border of the linear loop; null without one.")
+    border: FiniteOrNull = about("Border of the simulated loop; null without one.")
     doubled: FiniteOrNull = about(
         "Border of the rate or the armature at twice the gains, if the loop does not hold.",
         default=None,
@@ -42,7 +42,7 @@ class ControlLoopReport(Model):
     holds: bool = about("Whether the simulated loop holds.")
     inside: bool | None = about(
         "Whether the same PD holds as position servos of the model, with its step and an implicit "
-        "integrator; null if the policy is no PD that states its gains.",
+        "integrator; null unless the policy is a PD that states its gains.",
         default=None,
     )
     margins: tuple[LoopMargin, ...] = ()

@@ -81,7 +81,7 @@ class Line:
 def finding_lines(report: Report, most_metrics: int | None = None) -> list[Line]:
     """Return the lines of findings, the worst first; those skipped for one reason together.
 
-    Of metrics with one outcome, `most_metrics` that fail in most runs have lines, the others share
+    Metrics with one outcome: `most_metrics` that fail in most runs have lines, the others share
     one; None gives each its own.
     """
     lines: list[Line] = []

@@ -485,7 +485,7 @@ class TuningStudy:
         return int(min(allowed / self._count_seconds(candidates), _SEED_PLAN.memory / size))
 
     def _count_seconds(self, candidates: Sequence[Evaluation]) -> float:
-        # Of the errors of candidates on one seed.
+        # CPU time for the errors of candidates on one seed.
         problem = self._problem
         reference = problem.reference.substeps * (4 if problem.reference_integrator else 1)
         return problem.cost.pass_seconds * (reference + sum(one.cost for one in candidates))
