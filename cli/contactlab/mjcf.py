@@ -3,10 +3,14 @@
 Source: MuJoCo's XML reference (option, geom, pair).
 """
 
+DISTANCE_FIELDS = ("sdf_iterations", "sdf_initpoints")
+"""Options of signed distance fields: a run has them as settings if they are not MuJoCo's own."""
+
 OPTIONS = (
     *("timestep", "tolerance", "ls_tolerance", "noslip_tolerance", "ccd_tolerance", "impratio"),
     *("density", "viscosity", "iterations", "ls_iterations", "noslip_iterations"),
     *("ccd_iterations", "gravity", "wind", "integrator", "cone", "solver", "jacobian"),
+    *DISTANCE_FIELDS,
 )
 """Attributes of <option>."""
 

@@ -18,6 +18,7 @@ OTHER: dict[str, Any] = {
     "timestep": 0.001, "integrator": "RK4", "cone": "elliptic", "solver": "CG", "jacobian": "dense",
     "iterations": 7, "tolerance": 1e-3, "ls_iterations": 7, "ls_tolerance": 0.1,
     "noslip_iterations": 7, "noslip_tolerance": 1e-3, "ccd_iterations": 7, "ccd_tolerance": 1e-3,
+    "sdf_iterations": 7, "sdf_initpoints": 7,
     "impratio": 7.0, "density": 7.0, "viscosity": 7.0, "gravity": 7.0, "solref": (0.01, 0.7),
     "solref.timeconst": 0.01, "solref.dampratio": 0.7, "solref.stiffness": 7.0,
     "solref.damping": 7.0, "restitution": 0.7, "solimp": (0.7, 0.8, 0.01, 0.4, 3.0),

@@ -86,3 +86,18 @@ def test_a_small_box_falls_through_large_cells_at_any_step(step: float) -> None:
 def test_a_box_on_small_cells_or_that_begins_below_has_not_passed() -> None:
     assert find_field_passages([drop_box(model_of(80))], [0.0]) == []
     assert find_field_passages([drop_box(model_of(6, height=-1.0))], [0.0]) == []
+
+
+def test_a_plate_over_many_cells_misses_contacts_if_it_fails() -> None:
+    # A floor of cells of 1 cm under a plate that covers 3,600 of them; 50 are the most of a pair.
+    heights = " ".join(["1"] * 101**2)
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco>
+      <asset><hfield name="f" nrow="101" ncol="101" size=".5 .5 .1 .1" elevation="{heights}"/>
+      </asset>
+      <worldbody><geom type="hfield" hfield="f" pos="0 0 -.1"/>
+      <body pos="0 0 .021"><freejoint/><geom type="box" size=".3 .3 .02"/></body></worldbody>
+      </mujoco>""")
+    motion = drop_box(model)
+    (crowded,) = find_field_passages([motion], [0.0], failing=True)
+    assert (crowded.depth, crowded.field, crowded.geom) == (0, 0, 1)
+    assert not any(passage.depth == 0 for passage in find_field_passages([motion], [0.0]))

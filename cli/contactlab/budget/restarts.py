@@ -13,7 +13,11 @@ import numpy as np
 from contactlab.budget.motion import Motion, forget_delays, without_delays
 from contactlab.budget.windows import Run, without_sensors
 from contactlab.contact.trace_arrays import Floats
-from contactlab.modifications.model_changes import converge_collision, converge_solver
+from contactlab.modifications.model_changes import (
+    add_several_contacts,
+    converge_collision,
+    converge_solver,
+)
 from contactlab.scene.model_edits import set_timestep
 
 MIN_WINDOW_STEPS = 2
@@ -36,12 +40,13 @@ def refine_motion(motion: Motion, model: mujoco.MjModel, rate: int) -> Motion:
 def build_reference_model(model: mujoco.MjModel, rate: int) -> mujoco.MjModel:
     """Return a model with the run's own integrator, finer steps, a converged solver and collisions.
 
-    Bodies do not sleep, and controls act at once: see `without_delays`. `rate` is how many of its
-    steps make one of the run's.
+    Faces of convex shapes meet in several contacts. Bodies do not sleep, and controls act at once:
+    see `without_delays`. `rate` is how many of its steps make one of the run's.
     """
     fine = without_sensors(model)
     converge_solver(fine)
     converge_collision(fine)
+    add_several_contacts(fine)
     forget_delays(fine)
     set_timestep(fine, model.opt.timestep / rate)
     fine.opt.enableflags &= ~int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))

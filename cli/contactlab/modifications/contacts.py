@@ -39,6 +39,7 @@ from contactlab.modifications.model_predicates import (
     has_no_flex,
     has_nonzero,
     has_possible_contacts,
+    has_single_contacts,
     lacks_surroundings,
     may_collide,
     may_slip,
@@ -81,10 +82,6 @@ def _has_useless_collision(model: mujoco.MjModel) -> bool:
 
 def _may_speculate(model: mujoco.MjModel) -> bool:
     return "speculative" in FLAG_NAMES and not read_flag(model, "speculative")
-
-
-def _has_single_contacts(model: mujoco.MjModel) -> bool:
-    return "multiccd" in FLAG_NAMES and not read_flag(model, "multiccd") and may_collide(model)
 
 
 def _has_pyramids(model: mujoco.MjModel) -> bool:
@@ -286,14 +283,27 @@ MODIFICATIONS = (
         "Finds several contacts between two convex shapes that meet in a face.",
         ("multiccd",),
         "computation",
+        rows=(
+            Row(
+                "single contacts",
+                "the run's own number of contacts between faces",
+                "numerics",
+                (add_several_contacts,),
+                has_single_contacts,
+                has_contact_force,
+                base="run",
+                against="run",
+                cause="collision finds a single contact of faces that meet",
+            ),
+        ),
         fixes=(
             Candidate(
                 "several contacts of convex shapes",
                 "inaccurate",
                 add_several_contacts,
-                applies=_has_single_contacts,
+                applies=has_single_contacts,
                 labels=COLLISION_LABELS,
-                label_applies=_has_single_contacts,
+                label_applies=has_single_contacts,
                 missed="collision finds a single contact of faces that meet: bodies turn on it",
                 order=-1,
             ),
@@ -314,8 +324,8 @@ MODIFICATIONS = (
                 "multiccd",
                 "several contacts of convex shapes that meet in a face",
                 "numerics",
-                lambda model, _own: add_several_contacts(model),
-                _has_single_contacts,
+                add_several_contacts,
+                has_single_contacts,
             ),
         ),
     ),
@@ -355,6 +365,7 @@ MODIFICATIONS = (
                 labels=("tunneling",),
                 label_applies=_may_speculate,
                 missed="collision misses a contact: a body passes another one within a step",
+                must_come_nearer=False,  # finer steps of the model may miss the contact, too
                 order=-1,
             ),
         ),

@@ -13,6 +13,8 @@ from contactlab.modifications.model_predicates import (
     SLEEP_BIT,
     SOLREF_FIELDS,
     find_disable_bit,
+    has_iterated_collision,
+    has_single_contacts,
 )
 from contactlab.modifications.modification import InPlaceChange, ModelChange
 from contactlab.scene.model_names import name_of
@@ -78,6 +80,18 @@ def converge_solver(model: mujoco.MjModel, _own: mujoco.MjModel | None = None) -
         option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
 
 
+def converge_solver_alone(model: mujoco.MjModel, own: mujoco.MjModel) -> None:
+    """Make the solver run to convergence, from contacts that are found as in the model as written.
+
+    Iterations of collision that are enough are kept: they find the same contacts.
+    """
+    converge_solver(model)
+    if has_iterated_collision(own) or has_single_contacts(own):
+        for name in ("ccd_iterations", "ccd_tolerance", "sdf_iterations", "sdf_initpoints"):
+            setattr(model.opt, name, getattr(own.opt, name))
+        model.opt.disableflags |= own.opt.disableflags & find_disable_bit("multiccd")
+
+
 def choose_other_solver(model: mujoco.MjModel, _own: mujoco.MjModel) -> None:
     """Use another solver, converged: Newton's, or conjugate gradients in place of Newton's."""
     newton = int(mujoco.mjtSolver.mjSOL_NEWTON)
@@ -114,7 +128,7 @@ def add_speculative_contacts(model: mujoco.MjModel) -> None:
     model.opt.enableflags |= int(getattr(mujoco.mjtEnableBit, "mjENBL_SPECULATIVE", 0))
 
 
-def add_several_contacts(model: mujoco.MjModel) -> None:
+def add_several_contacts(model: mujoco.MjModel, _own: mujoco.MjModel | None = None) -> None:
     """Find several contacts between two convex shapes that meet in a face."""
     model.opt.disableflags &= ~find_disable_bit("multiccd")
 

@@ -83,6 +83,11 @@ def has_iterated_collision(model: mujoco.MjModel) -> bool:
     return may_collide(model) and (fields or (coarse and bool(types & {*_ITERATED})))
 
 
+def has_single_contacts(model: mujoco.MjModel) -> bool:
+    """Return whether convex shapes that meet in a face may have a single contact."""
+    return "multiccd" in FLAG_NAMES and not read_flag(model, "multiccd") and may_collide(model)
+
+
 def may_collide(model: mujoco.MjModel) -> bool:
     """Return whether contacts can arise in a model."""
     if is_disabled(model, "contact") or is_disabled(model, "constraint"):

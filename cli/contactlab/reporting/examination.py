@@ -77,8 +77,10 @@ def fix_summary(fix: Fix, report: Examination) -> str:
         effect = f"{number} falls from {before} to {format_percent(fix.error)}"
     if fix.removes == "labels":
         effect = "no failure label is left"
-    elif repaired := [cause for cause in report.causes if cause.repair == fix.name]:
-        effect = f"the verdict is then '{repaired[0].verdict}'"
+    elif verdicts := [
+        one.verdict for one in report.causes if one.repair == fix.name and one.verdict
+    ]:
+        effect = f"the verdict is then '{verdicts[0]}'"
     elif fix.removes == "overlap":
         effect = "no bodies overlap at the start, and the verdict is not worse"
     changes = "changes the model" if fix.changes_model else ""

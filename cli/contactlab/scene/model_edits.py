@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from contactlab.errors import SceneError, did_you_mean
-from contactlab.mjcf import CONTACT, MODEL_ENGINE, OPTIONS
+from contactlab.mjcf import CONTACT, DISTANCE_FIELDS, MODEL_ENGINE, OPTIONS
 from contactlab.scene.contact_pairs import MonitoredPair, effective_parameters, explicit_pair
 from contactlab.scene.model_names import find_id
 from contactlab.scene.mujoco_versions import enum_members
@@ -79,7 +79,12 @@ def field_axis(model: mujoco.MjModel, name: str) -> AxisSpec | None:
 
 
 def is_as_written(model: mujoco.MjModel, name: str, value: object) -> bool:
-    """Return whether a setting is a model field that already has this value."""
+    """Return whether a setting is a model field that already has this value.
+
+    Options of distance fields count as fields, since few runs have them as settings.
+    """
+    if name in DISTANCE_FIELDS:
+        return bool(getattr(model.opt, name) == value)
     if (found := find_field(model, name)) is None:
         return False
     array, index = found
@@ -304,7 +309,12 @@ def base_settings(
     `mass` is the subject's, if there is one.
     """
     settings = Settings(engine=MODEL_ENGINE)
-    settings |= {name: read_option(model, name) for name in OPTIONS}
+    usual = mujoco.MjOption()
+    settings |= {
+        name: read_option(model, name)
+        for name in OPTIONS
+        if name not in DISTANCE_FIELDS or getattr(model.opt, name) != getattr(usual, name)
+    }
     if pairs:
         parameters = effective_parameters(model, pairs[0])
         settings |= {name: getattr(parameters, name) for name in CONTACT}

@@ -213,6 +213,8 @@ for parameter in (
         "ccd_iterations", "1", "most iterations of convex collision detection", integer_parser(1)
     ),
     Parameter("ccd_tolerance", "m", "tolerance of convex collision detection", nonnegative_number),
+    Parameter("sdf_iterations", "1", "iterations in a signed distance field", integer_parser(1)),
+    Parameter("sdf_initpoints", "1", "searches in a signed distance field", integer_parser(1)),
     Parameter(
         "impratio", "1", "ratio of frictional to normal impedance", or_off(1.0, positive_number)
     ),

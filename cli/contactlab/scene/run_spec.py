@@ -183,7 +183,7 @@ def resolve_variant(base: CompiledScene, run: RunSpec, name: str) -> RunSpec:
     subject = base.targets.subject
     before, after = (base_settings(each, base.pairs, subject) for each in (own, model))
     flags, on = read_flags(own), read_flags(model)
-    differing = {key for key, value in after.items() if value != before[key]}
+    differing = {key for key, value in after.items() if value != before.get(key)}
     switched = {key: on[key] for key in FLAG_NAMES if on[key] != flags[key]}
     # Contact settings of the record are those of the first pair; only the change writes them.
     updated = {key: after[key] for key in differing & {*OPTIONS, *CONTACT, "mass"}}

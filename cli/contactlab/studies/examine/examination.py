@@ -47,11 +47,7 @@ from contactlab.studies.examine.contact_values import measure_contacts, split_va
 from contactlab.studies.examine.design_causes import find_lost_grip, find_sagging_servo
 from contactlab.studies.examine.engine_faults import MetFaults, find_met_faults
 from contactlab.studies.examine.facts import facts, list_inertia_facts
-from contactlab.studies.examine.field_passages import (
-    FINER_GRID,
-    find_field_passages,
-    list_passage_causes,
-)
+from contactlab.studies.examine.field_passages import judge_fields
 from contactlab.studies.examine.fixes import FixSearch, RepairedFiles, TaskRepeats
 from contactlab.studies.examine.linted_file import lint_file
 from contactlab.studies.examine.policy_loop import (
@@ -340,10 +336,9 @@ def _measure_budget(
     broken = next((fault.fix for fault in file.faults if fault.is_of_start), "")
     fixes, files = tuple[Fix, ...](), None
     times = _list_begins(examined)
-    passages = find_field_passages(examined.motions, times) if not broken else []
-    if passages:
-        causes = list_passage_causes(examined.motions[0].model, passages)
-        repaired, broken = replace(repaired, causes=(*repaired.causes, *causes)), FINER_GRID
+    if not broken:
+        causes, broken = judge_fields(examined.motions, times, failing=not repaired.passes)
+        repaired = replace(repaired, causes=(*repaired.causes, *causes))
     model = examined.motions[0].model
     grip = None if request.assign else find_grip(request.model, model, task.start)
     is_known = bool(broken) or any(fault.is_certain for fault in faults)

@@ -1,10 +1,12 @@
-"""Finds geoms that fall through a height field, by the surface of its own grid.
+"""Finds geoms that a height field does not hold, by the surface of its own grid.
 
 MuJoCo collides a geom with the prisms of the cells below it. If cells are many times as wide as the
 geom, contacts vanish at times, at any step. The surface itself is known in closed form, so no
-reference is needed: a geom with its center below it has passed.
+reference is needed: a geom with its center below it has passed. A geom over many cells gets the
+first contacts of them only, and tips over these.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -21,14 +23,15 @@ from contactlab.scene.contact_pairs import half_extents, touch_mask
 from contactlab.schema.examination import Cause
 
 _HFIELD = int(mujoco.mjtGeom.mjGEOM_HFIELD)
+_MOST_CONTACTS = int(mujoco.mjMAXCONPAIR)
 
 
 class FieldPassage(NamedTuple):
-    """A geom that is below the surface of a height field, and began above it."""
+    """A geom that is below the surface of a height field, or has as many contacts as a pair may."""
 
     field: int
     geom: int
-    depth: float  # of its center below the surface [m]
+    depth: float  # of its center below the surface [m]; 0 with too many contacts
     time: float  # of the run [s]
 
 
@@ -61,8 +64,13 @@ def surface_heights(model: mujoco.MjModel, field: int, places: Floats) -> Floats
     return np.where(inside, np.minimum(rising, falling), np.nan)
 
 
-def find_field_passages(motions: Sequence[Motion], begins: Sequence[float]) -> list[FieldPassage]:
-    """Return the first passage of each geom through a height field in the first seed's run."""
+def find_field_passages(
+    motions: Sequence[Motion], begins: Sequence[float], *, failing: bool = False
+) -> list[FieldPassage]:
+    """Return the first fault of each geom on a height field in the first seed's run.
+
+    Too few contacts are a fault of `failing` runs only: a body may rest on a part of them.
+    """
     model = motions[0].model
     fields = np.flatnonzero(model.geom_type == _HFIELD).tolist()
     touch = touch_mask(model) if fields else np.zeros((0, 0), bool)
@@ -72,26 +80,31 @@ def find_field_passages(motions: Sequence[Motion], begins: Sequence[float]) -> l
     for motion, begin in zip(motions, begins, strict=True) if pairs else ():
         window_seconds = 0.02  # between states that are looked at
         run = replay(motion, window_seconds, 1)
-        for place, depths in _depths_over_time(motion, run, pairs):
+        for place, depths, crowded in _depths_over_time(motion, run, pairs):
+            time = begin + place * model.opt.timestep
+            for pair in crowded if failing else ():
+                found.setdefault(pair, FieldPassage(*pair, 0.0, time))
             for pair, depth in depths.items():
                 if depth <= 0:
                     above.add(pair)
                 # A geom is below the surface if its center is as deep as its half extent.
                 elif depth > half_extents(model)[pair[1]] and pair in above:
-                    time = begin + place * model.opt.timestep
                     found.setdefault(pair, FieldPassage(*pair, depth, time))
     return sorted(found.values(), key=lambda passage: passage.time)
 
 
 def _depths_over_time(
     motion: Motion, run: Run, pairs: Sequence[tuple[int, int]]
-) -> Iterator[tuple[int, dict[tuple[int, int], float]]]:
-    # Depths of geoms below surfaces [m], at the beginning of each window.
+) -> Iterator[tuple[int, dict[tuple[int, int], float], list[tuple[int, int]]]]:
+    # Depths of geoms below surfaces [m], and pairs with as many contacts as MuJoCo finds, at the
+    # beginning of each window.
     model, data = motion.model, mujoco.MjData(motion.model)
     ends: NDArray[np.intp] = run.begins[run.valid[0]]
     for place in ends.tolist():
         mujoco.mj_setState(model, data, run.velocity_states[0, place], KEPT)
-        mujoco.mj_kinematics(model, data)
+        mujoco.mj_fwdPosition(model, data)
+        contacts = Counter(map(tuple, np.sort(data.contact.geom, axis=1).tolist()))
+        crowded = [pair for pair in pairs if contacts[min(pair), max(pair)] >= _MOST_CONTACTS]
         depths = dict[tuple[int, int], float]()
         for field, geom in pairs:
             turn = np.asarray(data.geom_xmat[field]).reshape(3, 3)
@@ -99,22 +112,31 @@ def _depths_over_time(
             (height,) = surface_heights(model, field, local[None, :2])
             if np.isfinite(height):
                 depths[field, geom] = float(height - local[2])
-        yield place, depths
+        yield place, depths, crowded
 
 
-def list_passage_causes(model: mujoco.MjModel, passages: Sequence[FieldPassage]) -> Iterator[Cause]:
-    """Yield the cause of the first passage."""
+def judge_fields(
+    motions: Sequence[Motion], begins: Sequence[float], *, failing: bool
+) -> tuple[list[Cause], str]:
+    """Return the cause of the first fault of a height field, and its fix, made by hand."""
+    passages = find_field_passages(motions, begins, failing=failing)
     if not passages:
-        return
-    first = passages[0]
-    place = contact_name(model, np.array([first.field, first.geom]))
-    more = f"; so do {len(passages) - 1} more geoms" if len(passages) > 1 else ""
-    yield Cause(
-        stage="collision",
-        sentence=f"{place} misses a body that falls through the height field: it is "
-        f"{format_digits(1e3 * first.depth, 2)} mm below the surface at {first.time:.2f} s{more}",
-    )
-
-
-FINER_GRID = "use a finer grid for the height field, or a mesh; no step or solver ends this"
-"""The fix of a passage."""
+        return [], ""
+    first, others = passages[0], len(passages) - 1
+    place = contact_name(motions[0].model, np.array([first.field, first.geom]))
+    more = f"; so do {others} more geoms" if others else ""
+    if first.depth:
+        sentence = (
+            f"{place} misses a body that falls through the height field: it is "
+            f"{format_digits(1e3 * first.depth, 2)} mm below the surface at {first.time:.2f} s"
+            f"{more}"
+        )
+        remedy = "a finer grid for the height field, or a mesh"
+    else:
+        sentence = (
+            f"{place} misses contacts: MuJoCo finds {_MOST_CONTACTS} of a pair, and more cells of "
+            f"the height field touch the geom, from {first.time:.2f} s{more}"
+        )
+        remedy = "a coarser grid for the height field, or several smaller geoms"
+    cause = Cause(stage="collision", sentence=sentence)
+    return [cause], f"use {remedy}; no step or solver ends this"

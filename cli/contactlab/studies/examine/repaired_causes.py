@@ -111,6 +111,11 @@ class RepairedModel:
         return join_verdict(self.examined.budget_verdict.word, failing=failing)
 
     @property
+    def passes(self) -> bool:
+        """Whether the verdict that is left passes."""
+        return self.word in PASSING_VERDICTS
+
+    @property
     def complaints(self) -> frozenset[str]:
         """Its faults, its failure labels, and the rows of its budget that do not pass."""
         reasons = self.examined.budget_verdict.reasons
