@@ -45,6 +45,9 @@ MODELLING: list[dict[str, Any]] = [
     {"gravity": 1.0},
     {"mass": 2.0},
     {"density": 1.0},
+    # Searches for the closest points of distance fields may end in different places.
+    {"sdf_iterations": 7},
+    {"sdf_initpoints": 7},
 ]
 SWITCHES = ["refsafe", "multiccd", "nativeccd", "filterparent"]
 

@@ -189,6 +189,8 @@ SETTINGS = {
     "noslip_iterations": 3,
     "noslip_tolerance": 1e-5,
     "ccd_iterations": 11,
+    "sdf_iterations": 13,
+    "sdf_initpoints": 14,
     "ccd_tolerance": 1e-7,
     "density": 1.2,
     "viscosity": 2e-5,

@@ -102,8 +102,6 @@ NUMERICS: Mapping[str, object] = {
     # Accuracy of the distance of convex shapes.
     "ccd_iterations": 200,
     "ccd_tolerance": 1e-9,
-    "sdf_iterations": 40,
-    "sdf_initpoints": 160,
     "midphase": True,  # the method of skipping distant pairs
     "eulerdamp": True,  # damping evaluated at the end of a step or at its start
     "sleep": False,  # skips bodies at rest, which should not move anyway
