@@ -31,6 +31,8 @@ OTHER: dict[str, Any] = {
     "noslip_tolerance": 1e-3,
     "ccd_iterations": 5,
     "ccd_tolerance": 1e-3,
+    "sdf_iterations": 5,
+    "sdf_initpoints": 7,
     "impratio": 10.0,
     "density": 1000.0,
     "viscosity": 0.5,

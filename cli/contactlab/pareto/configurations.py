@@ -68,7 +68,7 @@ def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
     if place is not None:
         # Contact parameters may differ between the geoms of a run.
         settings = store.record(columns.run_id(place)).settings
-        options = {name: settings[name] for name in OPTIONS}
+        options = {name: settings[name] for name in OPTIONS if name in settings}
         written = {name: value for name, value in options.items() if not isinstance(value, tuple)}
     return StoredRuns(
         knobs=of("knob"),
