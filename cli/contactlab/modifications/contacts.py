@@ -293,7 +293,7 @@ MODIFICATIONS = (
                 has_contact_force,
                 base="run",
                 against="run",
-                cause="collision finds a single contact of faces that meet",
+                cause="collision finds a single contact of faces that meet: bodies turn on it",
             ),
         ),
         fixes=(
