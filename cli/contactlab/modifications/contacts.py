@@ -365,7 +365,6 @@ MODIFICATIONS = (
                 labels=("tunneling",),
                 label_applies=_may_speculate,
                 missed="collision misses a contact: a body passes another one within a step",
-                must_come_nearer=False,  # finer steps of the model may miss the contact, too
                 order=-1,
             ),
         ),

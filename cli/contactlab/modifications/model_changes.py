@@ -13,6 +13,7 @@ from contactlab.modifications.model_predicates import (
     SLEEP_BIT,
     SOLREF_FIELDS,
     find_disable_bit,
+    has_distance_fields,
     has_iterated_collision,
     has_single_contacts,
 )
@@ -117,10 +118,10 @@ def converge_collision(model: mujoco.MjModel, _own: mujoco.MjModel | None = None
     # Smooth shapes converge within 35 iterations, the default.
     option.ccd_iterations = max(200, option.ccd_iterations)
     option.ccd_tolerance = min(1e-6, option.ccd_tolerance)
-    # A signed distance field takes the best of several searches: four times the defaults of 10
-    # iterations and 40 points.
-    option.sdf_iterations = max(40, option.sdf_iterations)
-    option.sdf_initpoints = max(160, option.sdf_initpoints)
+    if has_distance_fields(model):
+        # The best of several searches counts: four times the defaults, 10 and 40.
+        option.sdf_iterations = max(40, option.sdf_iterations)
+        option.sdf_initpoints = max(160, option.sdf_initpoints)
 
 
 def add_speculative_contacts(model: mujoco.MjModel) -> None:

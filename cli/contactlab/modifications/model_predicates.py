@@ -73,14 +73,23 @@ def has_iterated_collision(model: mujoco.MjModel) -> bool:
 
     With the default settings, convex collisions converge.
     """
-    types = set(model.geom_type[(model.geom_contype | model.geom_conaffinity) != 0].tolist())
+    types = _find_colliding_types(model)
     usual = mujoco.MjOption()
     coarse = (
         model.opt.ccd_iterations < usual.ccd_iterations
         or model.opt.ccd_tolerance > usual.ccd_tolerance
     )
-    fields = int(mujoco.mjtGeom.mjGEOM_SDF) in types
-    return may_collide(model) and (fields or (coarse and bool(types & {*_ITERATED})))
+    coarse &= bool(types & {*_ITERATED})
+    return may_collide(model) and (has_distance_fields(model) or coarse)
+
+
+def has_distance_fields(model: mujoco.MjModel) -> bool:
+    """Return whether signed distance fields may collide."""
+    return int(mujoco.mjtGeom.mjGEOM_SDF) in _find_colliding_types(model)
+
+
+def _find_colliding_types(model: mujoco.MjModel) -> set[int]:
+    return set(model.geom_type[(model.geom_contype | model.geom_conaffinity) != 0].tolist())
 
 
 def has_single_contacts(model: mujoco.MjModel) -> bool:
