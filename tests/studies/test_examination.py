@@ -150,7 +150,7 @@ START = Cause(
 def test_a_cause_that_comes_first_is_the_headline_and_the_rest_follows(word: VerdictWord) -> None:
     report = conclude(examined(word, labels=(LABEL,), facts=(OVERLAP,), causes=(START,)))
     assert report.headline == f"{report.verdict}: {START.sentence}"
-    assert report.why == (START.sentence, f"with a raised start: {START.remainder}")
+    assert report.why == (f"with a raised start: {START.remainder}",)
 
 
 def test_a_fault_that_a_setting_of_collision_removes_is_one_of_collision() -> None:

@@ -53,8 +53,14 @@ def label_line(label: RunLabel, seeds: int) -> str:
 
 
 def first_fix(fixes: Sequence[Fix]) -> Fix:
-    """Return the fix to make first: one of the start or of overlaps, since that is the cause."""
-    structural = [fix for fix in fixes if fix.is_structural]
+    """Return the fix to make first: one of the start or of overlaps, since that is the cause.
+
+    Other shapes come after a fix that keeps the model and removes the verdict, too.
+    """
+    keeps_model = not fixes[0].changes_model
+    structural = [
+        fix for fix in fixes if fix.is_structural and not (keeps_model and fix.replaced_meshes)
+    ]
     return (structural or fixes)[0]
 
 

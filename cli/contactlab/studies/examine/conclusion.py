@@ -47,10 +47,19 @@ def conclude(
             if (sentence := missed.get(fix.name))
         )
         report = report.model_copy(update={"causes": causes})
+    headline = _write_headline(report, verdict)
+    sentences = [one for one in _yield_causes(report, verdict) if one]
+    # A sentence that the headline or a longer one has is not repeated.
+    why = [
+        one
+        for place, one in enumerate(sentences)
+        if not any(later.startswith(one) for later in sentences[place + 1 :])
+    ]
+    why = [one for one in why if not headline.endswith(f": {one}")] or why
     return report.model_copy(
         update={
-            "headline": _write_headline(report, verdict),
-            "why": tuple(filter(None, _yield_causes(report, verdict))),
+            "headline": headline,
+            "why": tuple(why),
             "fix": _choose_fix(report, verdict, fixes_tried, len(fixes_not_tried)),
         }
     )
