@@ -459,7 +459,9 @@ def test_a_model_has_one_page(arm: str, contactlab: Run, tmp_path: Path) -> None
     assert {path.name for path in folder.iterdir()} >= {"page.html", "examination.json", "run"}
     report = Examination.model_validate_json((folder / "examination.json").read_text())
     page = (folder / "page.html").read_text()
-    assert all(text in page for text in ("Error budget", report.task.line, ">gravity</th>"))
+    assert all(
+        text in page for text in ("Where the error comes from", report.task.line, ">gravity</th>")
+    )
     assert report.headline.split(":")[0] in page
     shown = report._repr_html_()  # pyright: ignore[reportPrivateUsage]
     assert ">gravity</th>" in shown

@@ -400,5 +400,7 @@ def _parse_document(data: bytes, kind: type[_Document], path: Address) -> _Docum
         if not isinstance(error, ValidationError):
             raise StoreError(f"{path} is damaged: {error}") from error
         first = error.errors(include_url=False)[0]
-        where = ".".join(map(str, first["loc"]))
-        raise StoreError(f"{path} is damaged: {where}: {first['msg']}") from error
+        # Text that is not JSON has no key.
+        key = ".".join(map(str, first["loc"]))
+        where = f"{key}: " if key else ""
+        raise StoreError(f"{path} is damaged: {where}{first['msg']}") from error
