@@ -206,7 +206,7 @@ def _head_sections(report: Examination, model: str) -> Iterator[Section]:
         if first.lines and report.model.endswith(".urdf"):
             blocks.append(Sentence("A URDF has no place for it: --write FILE writes a new MJCF."))
         if first.verification is not None:
-            blocks.append(Sentence(f"verified: {first.verification.sentence}"))
+            blocks.append(Sentence(first.verification.line))
     # The line of the fix names it if no fix remains.
     if report.fixes and report.rejected_fixes:
         rejected, more = report.rejected_fixes[0], len(report.rejected_fixes) - 1

@@ -37,3 +37,10 @@ class VerifiedChange(Model):
     passed: bool = about("Whether no measure is worse, and those that must improve do.")
     sentence: str = about("The result in one line.")
     ended_early: bool = about("Whether a limit on time ended it.", default=False)
+
+    @property
+    def line(self) -> str:
+        """The result after a word that says how much was verified."""
+        if self.ended_early and not self.measures:
+            return f"not verified: {self.sentence}; --write verifies it"
+        return f"verified{' in part' * self.ended_early}: {self.sentence}"

@@ -170,7 +170,9 @@ class Verification:
         measures, request, panel = self._measures, self._request, self._panel
         idle = not self._finds_harm and not _is_improved(measures, request.must_improve)
         summary = summarize_measures(measures)
-        if panel.ended_early and not self._finds_harm:
+        if panel.ended_early and not measures:
+            summary = "the time limit came before the first run"
+        elif panel.ended_early and not self._finds_harm:
             summary += "; the time limit ended it early"
         task = _shorten_task(request)
         return VerifiedChange(
