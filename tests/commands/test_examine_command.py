@@ -302,9 +302,10 @@ def test_what_is_accepted_is_written_somewhere(arm: str) -> None:
 
 def test_the_folder_of_the_model_is_refused_before_any_run(tmp_path: Path, contactlab: Run) -> None:
     (tmp_path / "servo.xml").write_text(SERVO)
-    printed = contactlab("servo.xml", "--write", "fixed.xml")
-    assert "is the folder of the scene; write into another folder" in printed.err
-    assert [path.name for path in tmp_path.iterdir()] == ["servo.xml"]
+    (tmp_path / "whole.xml").write_text('<mujoco><include file="servo.xml"/></mujoco>')
+    printed = contactlab("whole.xml", "--write", "fixed.xml")
+    assert "is the folder of the scene; write into another folder, such as" in printed.err
+    assert {path.name for path in tmp_path.iterdir()} == {"servo.xml", "whole.xml"}
 
 
 def test_a_joint_beyond_its_range_is_a_fact(tmp_path: Path) -> None:

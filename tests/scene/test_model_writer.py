@@ -440,6 +440,19 @@ def test_what_cannot_be_written_is_refused_by_name(case: str, robot: Scene, tmp_
     assert not (tmp_path / "out").exists()
 
 
+def test_a_model_of_one_file_takes_a_changed_copy_next_to_it(tmp_path: Path) -> None:
+    own = tmp_path / "ball.xml"
+    own.write_text(
+        "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
+    )
+    text = own.read_text()
+    edits = ModelEdits({"timestep": 0.001})
+    written = write_model(Scene.open(str(own)), edits, tmp_path, "fixed.xml")
+    assert mujoco.MjModel.from_xml_path(str(written.path)).opt.timestep == 0.001
+    assert own.read_text() == text
+    assert {path.name for path in tmp_path.iterdir()} == {"ball.xml", "fixed.xml", "fixed.patch"}
+
+
 def test_a_scene_is_not_written_over(robot: Scene, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="is the folder of the scene"):
         write_model(robot, ModelEdits(), tmp_path / "own")

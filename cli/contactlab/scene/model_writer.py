@@ -62,11 +62,16 @@ class WrittenModel:
 def refuse_place(source: SceneSource, folder: Path, name: str = "") -> None:
     """Refuse to write a scene's model where it cannot lie, with an OutputError.
 
-    This is the scene's own folder, or a name that another file of the scene needs next to it.
+    This is the scene's own folder, or a name that another file of the scene needs next to it. A
+    model of one file takes a copy with another name next to it.
     """
-    if folder.resolve() == source.content.root.resolve():
-        raise OutputError(f"{folder} is the folder of the scene; write into another folder")
     model = source.content.model
+    is_alone = source.content.files == (model,) and name not in ("", model.name)
+    if folder.resolve() == source.content.root.resolve() and not is_alone:
+        raise OutputError(
+            f"{folder} is the folder of the scene; write into another folder, such as "
+            f"{folder / 'changed' / (name or model.name)}"
+        )
     if name and (named := model.with_name(name)) != model and named in source.content.files:
         raise OutputError(
             f"{folder / name}: {model.name} has another file {name}, and both go into this folder; "
