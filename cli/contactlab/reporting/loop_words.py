@@ -33,8 +33,8 @@ def loop_sentence(report: ControlLoopReport) -> str:
     told = f"; {_join_parts(parts, 'or')} holds it"
     if len(safe) == 2:
         told += (
-            f", and {format_frequency(safe['rate'])} or {format_digits(safe['armature'], 2)} holds "
-            "twice its gains"
+            f", and with {format_frequency(safe['rate'])} or an armature of "
+            f"{format_digits(safe['armature'], 2)} it would hold at twice the gains, too"
         )
     inside = "; so do position servos of the model with the same gains (--apply loop-servos)"
     return (
