@@ -35,6 +35,7 @@ def package(folder: Path, files: Mapping[str, str]) -> Path:
     return folder / "contactlab"
 
 
+@pytest.mark.long
 def test_no_module_is_imported_by_a_string() -> None:
     assert [str(place) for place in named_imports(PACKAGE)] == []
 

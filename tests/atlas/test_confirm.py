@@ -5,6 +5,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+import pytest
 from bench.atlas.confirm import REST, Case, load, nearer, shown, started
 from bench.atlas.confirming import write_inputs
 
@@ -54,6 +55,7 @@ def test_a_warning_of_the_engine_is_shown(tmp_path: Path) -> None:
     assert "QACC" in text
 
 
+@pytest.mark.long
 def test_a_loss_is_no_gain(tmp_path: Path) -> None:
     """RK4 at an angle of 1 a step keeps 1 - 1/72 + 1/576 of the energy in each."""
     text = SPRING.format(step=0.05, integrator="RK4")
@@ -75,6 +77,7 @@ def test_a_solver_that_may_not_go_on_leaves_forces_and_accelerations_apart(tmp_p
     assert not found(tmp_path, text(2000), "iterations", "")[0]
 
 
+@pytest.mark.long
 def test_a_body_without_a_name_is_asked_for_by_its_number(tmp_path: Path) -> None:
     text = SPRING.format(step=0.04, integrator="Euler")
     named = found(tmp_path, text, "run", "bob")[1].partition(": ")[2]
@@ -110,6 +113,7 @@ def test_the_limit_that_gives_way_and_the_deepest_contact_are_named(tmp_path: Pa
     assert text.startswith("joint 0")
 
 
+@pytest.mark.long
 def test_a_finer_step_is_nearer_to_the_finest_and_a_coarser_one_is_not(tmp_path: Path) -> None:
     """Euler's error of a window is of first order: half the step has half, within a fifth."""
     files = {step: tmp_path / f"{step}.xml" for step in (0.02, 0.01)}

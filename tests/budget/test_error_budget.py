@@ -328,6 +328,7 @@ WATCHED = """<mujoco><option timestep=".005"/><worldbody>
     <body name="sign" pos="6 0 1"><geom size=".1"/></body></worldbody></mujoco>"""
 
 
+@pytest.mark.long
 def test_watched_bodies_are_the_columns_of_all() -> None:
     """Bit for bit; the ball drops on the floor at .25 s, and the box slides on it from the start.
 

@@ -129,6 +129,7 @@ def test_what_sleeps_as_it_starts_is_woken_though_its_finest_motion_sleeps_too()
     assert tried.removes
 
 
+@pytest.mark.long
 def test_a_light_part_holds_a_heavy_load_by_its_impedance() -> None:
     """A shackle of 5 g under a pound gives (1 - d) / d A f: of d = .95 more than solref mends."""
     xml = """<mujoco><worldbody><body name="hook"><joint type="slide" axis="0 0 1"/>
@@ -337,6 +338,7 @@ def test_what_there_is_no_time_for_is_named_and_not_advised() -> None:
     assert all(one.is_complete for one in every)
 
 
+@pytest.mark.long
 def test_time_runs_out_between_trials() -> None:
     """What was tried before is known as if there had been time; what comes after is not advised."""
     motion = servo()

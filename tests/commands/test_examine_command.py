@@ -479,6 +479,7 @@ def test_a_wrong_section_is_named(arm: str) -> None:
         package.examine(arm, section=["label"])
 
 
+@pytest.mark.long
 def test_several_models_are_one_report(contactlab: Run, tmp_path: Path) -> None:
     """Each has its findings under its name, and the exit code is that of the worst."""
     for name in ("one", "two"):

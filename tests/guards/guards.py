@@ -135,10 +135,21 @@ def _open_cases() -> Iterator[Case]:
 
 QUICK_CASES = {"rate feedback on a spinning wheel"}
 """Cases of the first tier, which take about a second."""
+QUICK_SWEEPS = {"bounce", "impact", "slide", "stack", "tradeoff-ball"}
+"""Sweeps of the first tier: one of each kind of contact."""
 _OF_TRACES = ("mujoco", "mcap", "zstandard")
 _OF_VERDICTS = ("mujoco", "numpy", "scipy")
 GUARDS: tuple[Guard, ...] = (
-    *(Guard("sweeps", name, partial(_sweep, name), _OF_TRACES) for name in SWEEPS),
+    *(
+        Guard(
+            "sweeps",
+            name,
+            partial(_sweep, name),
+            _OF_TRACES,
+            tier="" if name in QUICK_SWEEPS else "long",
+        )
+        for name in SWEEPS
+    ),
     Guard("help", "commands", lambda _: ({}, help_items()), ("typer",)),
     SchemaGuard(),
     *(

@@ -83,7 +83,7 @@ PAGES: Mapping[str, Callable[[Path], Path]] = {
     "examination": _examination_page,
 }
 _WITH_DATA = "sweep bounce"
-LONG = {"sweep bounce", "sweep tradeoff-stack", "examination"}
+LONG = {"sweep bounce", "sweep grasp", "sweep tradeoff-stack", "examination"}
 """Those that take seconds: they read all data, sweep 48 runs, or measure an error budget."""
 
 

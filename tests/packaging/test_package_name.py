@@ -86,6 +86,7 @@ def test_a_checkout_or_an_address_is_not_the_name(text: str) -> None:
     assert not _installs_the_name(text)
 
 
+@pytest.mark.long
 def test_nothing_installs_the_name_from_an_index() -> None:
     texts = _texts()
     assert len(texts) > 500

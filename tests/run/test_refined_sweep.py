@@ -198,6 +198,7 @@ def test_the_steepest_tilt_that_sticks_is_that_of_friction(whole: Store, tmp_pat
     assert lines[3].startswith("in all 3: largest passing tilt: ")
 
 
+@pytest.mark.long
 def test_filled_up_it_is_the_grid(refined: Store, whole: Store, tmp_path: Path) -> None:
     """The same sweep without `refine` adds the rest; with it, a whole store lacks nothing."""
     store = tmp_path / "store"

@@ -140,6 +140,7 @@ def test_a_shard_resumes_and_is_no_other_shard(tmp_path: Path) -> None:
         swept(place, shard="2/3")
 
 
+@pytest.mark.long
 def test_a_killed_shard_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole, place = swept(tmp_path / "whole"), tmp_path / "shard"
     publish, cut = store_writer.StoreWriter.finish_store, KeyboardInterrupt("killed")
@@ -278,6 +279,7 @@ def test_shards_lie_in_buckets(three: list[Path], bucket: str, merged: Store) ->
     assert not find_problems(found.address)
 
 
+@pytest.mark.long
 def test_honest_repeats_have_the_same_physics(merged: Store, tmp_path: Path) -> None:
     again = swept(tmp_path / "again")
     assert again.physics == merged.physics

@@ -78,6 +78,7 @@ def test_everything_expected_comes_out(rows_of: Callable[[str], Rows], name: str
         (0.9, 0.894, 0.910),
     ],
 )
+@pytest.mark.long
 def test_a_short_step_bounces_as_asked(
     rows_of: Callable[[str], Rows], asked: float, least: float, most: float
 ) -> None:
@@ -86,6 +87,7 @@ def test_a_short_step_bounces_as_asked(
         assert row["energy_gain"] < 0.01
 
 
+@pytest.mark.long
 def test_a_long_step_tunnels_or_gains_energy(rows_of: Callable[[str], Rows]) -> None:
     """A ball that falls 2 m moves 125 mm in a step of 20 ms; its radius is 50 mm."""
     for row in pick(rows_of("bounce"), timestep=2e-2, drop_height=2.0):
@@ -114,6 +116,7 @@ def test_a_pyramidal_cone_is_weak_off_its_axes(rows_of: Callable[[str], Rows]) -
     assert ratio == pytest.approx(2**0.5, rel=0.01)
 
 
+@pytest.mark.long
 def test_a_stack_sags_by_what_its_contacts_yield(rows_of: Callable[[str], Rows]) -> None:
     """The fixed point r = F A (1 - d) (dw tc dr)^2 / d^2, summed over ten contacts: 6.1008 mm."""
     for row in pick(rows_of("stack"), boxes=10):

@@ -6,7 +6,11 @@ from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
+import pytest
+
 import contactlab
+
+pytestmark = pytest.mark.long
 
 PACKAGE = Path(contactlab.__file__).parent
 STARTS = {

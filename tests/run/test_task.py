@@ -103,7 +103,14 @@ def compared(path: Path, store: Store) -> str:
     return f"{record.drive}, equal{f' until it diverges, step {min(ends)}' if ends else ''}"
 
 
-@pytest.mark.parametrize("keys", ["", REST, REST.replace("/></key", ' ctrl=".5"/></key')])
+@pytest.mark.parametrize(
+    "keys",
+    [
+        pytest.param("", marks=pytest.mark.long),
+        pytest.param(REST, marks=pytest.mark.long),
+        REST.replace("/></key", ' ctrl=".5"/></key'),
+    ],
+)
 def test_default_runs_are_plain_mujoco(keys: str, tmp_path: Path) -> None:
     path = tmp_path / "arm.xml"
     path.write_text(ARM.format(keys=keys))

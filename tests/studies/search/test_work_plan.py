@@ -43,6 +43,7 @@ def test_a_shortened_task_has_the_first_share_of_each_phase() -> None:
     assert shorten_task(TASK, 1.0) == TASK
 
 
+@pytest.mark.long
 def test_little_work_shortens_verifications_and_much_does_not(tmp_path: Path) -> None:
     whole = _plan(tmp_path, 300.0)
     assert whole.length_share == whole.verified_share == 1

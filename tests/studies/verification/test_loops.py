@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import pytest
+
 from contactlab.plan.task_options import TaskOptions
 from contactlab.schema.drive import PolicyDrive, parse_drive
 from contactlab.schema.verification import VerifiedChange
@@ -76,12 +78,14 @@ def test_a_balanced_pole_is_compared_in_its_loop(tmp_path: Path) -> None:
     assert 0 < max(measure.before or 0.0 for measure in tracking) < 1e-2
 
 
+@pytest.mark.long
 def test_armature_may_end_an_oscillation(tmp_path: Path) -> None:
     """Damping c, held for a step h, multiplies a speed by 1 - c h / I: below -1 it grows."""
     found = _verify(tmp_path, 3 * INERTIA / 0.002, (), armature=9 * INERTIA)
     assert found.passed, found.sentence
 
 
+@pytest.mark.long
 def test_an_equal_loop_improves_nothing(tmp_path: Path) -> None:
     """Without joint damping, implicitfast computes what Euler does, to the bit."""
     found = _verify(tmp_path, 0.5 * INERTIA / 0.002, LOOP_MEASURES, integrator="implicitfast")
