@@ -7,10 +7,11 @@ all its runs are made up with their own ids, axis values and settings, and the s
 which finishes it. "files and records" is `verify_store.verify`; "run ids" resolves each run again.
 Each is a process of its own; memory is its peak, imports included.
 
-Traces take longer: one of a million steps of a ball, 55 MB that hold 391 MB, takes 1.0 s of CPU, or
-57 MB/s of the file. Decompression takes 0.13 to 0.19 s of it, hashes of the file and its states
-0.1 s, so that no check of all bytes passes 240 MB/s of such a file. Half of the rest compares the
-file with the encoding of its messages, and half copies and checks its fields.
+Traces take longer. Each byte of one is read, hashed (SHA-256 and CRC-32), unpacked, compared with
+its layout, and hashed again if it belongs to a state. A rolling ball of a million steps, 163 MB
+that hold 416 MB, takes 0.65 s of CPU, 250 MB/s of the file: 0.10 s to read, 0.13 s for the file's
+hashes, 0.17 s to unpack, 0.08 s for the states' hash and 0.15 s to compare. Chunks are unpacked and
+compared on all cores. A trace of 14 kB takes about 1 ms, mostly for its row and its record.
 """
 
 import contextlib

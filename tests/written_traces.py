@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import pytest
 import zstandard
 from mcap.opcode import Opcode
 from mcap.reader import NonSeekingReader, SeekingReader
@@ -16,6 +17,8 @@ from mcap.stream_reader import StreamReader
 from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.schema.vocabulary import TraceFormat
 from contactlab.store.atomic_files import atomic_write
+from contactlab.store.mcap.stored_messages import UNREADABLE, find_damage
+from contactlab.store.mcap.trace_check import check_trace
 from contactlab.store.mcap.trace_writer import TraceEncoder
 
 
@@ -33,6 +36,25 @@ class Written(NamedTuple):
     sha256: str
     size: int
     messages: Mapping[str, int]
+
+
+def find_defect(file: bytes) -> str | None:
+    """Return the defect of a file; None if C and NumPy find it valid, with the same content."""
+    if damage := find_damage(file):
+        return damage
+    found = list[object]()
+    with pytest.MonkeyPatch.context() as patch:
+        for kernel in ("", "off"):
+            patch.setenv("CONTACTLAB_KERNEL", kernel)
+            try:
+                found.append(check_trace(file))
+            except UNREADABLE as error:
+                found.append(f"{type(error).__name__}: {error}")
+    assert isinstance(found[0], str) == isinstance(found[1], str), found
+    if isinstance(found[0], str):
+        return found[0]
+    assert found[0] == found[1]
+    return None
 
 
 def write_trace(

@@ -16,6 +16,7 @@ from mcap.writer import MCAP0_MAGIC, Writer
 from tests.attack.attack import MODEL, SWEEP, make_store
 from tests.attack.mutations import reseal
 from tests.random_traces import random_trace
+from tests.written_traces import find_defect
 
 from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.plan.sweep_file import read_sweep, read_yaml_as
@@ -25,7 +26,6 @@ from contactlab.schema.comparison import ComparePolicy
 from contactlab.store.control_tables import read_control_table
 from contactlab.store.controls_file import encode_controls
 from contactlab.store.finished_store import Store
-from contactlab.store.mcap.stored_messages import find_defect
 from contactlab.store.mcap.trace_reader import read_trace
 from contactlab.store.mcap.trace_writer import TraceEncoder
 from contactlab.store.row_journal import write_journal

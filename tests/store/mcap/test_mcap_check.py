@@ -12,11 +12,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.opcode import Opcode
-from tests.written_traces import TraceExtras, assert_viewable, write_trace
+from tests.written_traces import TraceExtras, assert_viewable, find_defect, write_trace
 
 from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.store.mcap import file_parts, trace_writer
-from contactlab.store.mcap.stored_messages import find_defect
 
 MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]
 

@@ -128,7 +128,7 @@ def expand_blocks(file: StoredFile) -> StoredFile:
         (channel, *group)
         for channel in blocks
         for content in file.messages[channel.id].iterate_contents()
-        for group in _read_block(channel, content)
+        for group in read_block(channel, content)
     ]
     times = np.concatenate(
         [items["log_time"] for channel, _, items in found if channel.topic == STATE_TOPIC]
@@ -148,7 +148,7 @@ def expand_blocks(file: StoredFile) -> StoredFile:
         for number, starts in enumerate(stream.offsets.T, start=1)
     }
     channels = [*(replace(block, message_encoding=PROTOBUF) for block in blocks), *others]
-    return replace(file, channels=channels, packed={}, messages=messages)
+    return replace(file, channels=channels, messages=messages)
 
 
 def _message_group(
@@ -165,7 +165,8 @@ def _message_group(
     return MessageGroup(np.full_like(rows, channel.id), rows, layout.size, write)
 
 
-def _read_block(channel: Channel, content: bytes) -> Iterator[tuple[MessageLayout, Items]]:
+def read_block(channel: Channel, content: bytes) -> Iterator[tuple[MessageLayout, Items]]:
+    """Yield the messages of a block, group by group. Raises the errors in `UNREADABLE`."""
     start = 0
     # Upper bound of the bytes of a message over the bytes of its stored values.
     max_expansion = 4

@@ -9,7 +9,6 @@ import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, pairwise, starmap
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +27,6 @@ _COMPRESSION = "zstd"
 
 CHUNK_HEAD = struct.Struct(f"<BQQQQII{len(_COMPRESSION)}sQ")
 Compressed = bytes | memoryview
-_NO_CHUNKS: Mapping[int, Compressed] = MappingProxyType({})
 LIBRARY = "contactlab"
 # Records of each file; encoding them by the library would take a tenth of the time of a tiny run.
 FRAME = struct.Struct("<BQ")
@@ -84,7 +82,7 @@ def with_metadata(start: FileStart, name: str, entries: Mapping[str, str]) -> Fi
     return replace(start, data=start.data + metadata, crc=crc, summary=summary)
 
 
-class _Chunk(NamedTuple):
+class FramedChunk(NamedTuple):
     """A chunk with its message indexes."""
 
     parts: Sequence[Compressed]
@@ -125,11 +123,9 @@ def interleave_groups(groups: Sequence[MessageGroup], channels: int, times: Time
     return MessageStream(data, offsets, sizes, times)
 
 
-def encode_file(
-    start: FileStart, stream: MessageStream, packed: Mapping[int, Compressed] = _NO_CHUNKS
-) -> bytes:
+def encode_file(start: FileStart, stream: MessageStream) -> bytes:
     """Return a file; see `encode_parts`."""
-    return b"".join(encode_parts(start, stream, packed))
+    return b"".join(encode_parts(start, stream))
 
 
 def encode_long_file(start: FileStart, stream: MessageStream) -> bytes:
@@ -145,27 +141,39 @@ def encode_long_file(start: FileStart, stream: MessageStream) -> bytes:
     return file[:end].data  # pyright: ignore[reportReturnType] - written and hashed like bytes
 
 
-def encode_parts(
-    start: FileStart, stream: MessageStream, packed: Mapping[int, Compressed] = _NO_CHUNKS
-) -> Iterator[Compressed]:
-    """Yield the parts of a file, one after the other.
-
-    Chunks in `packed`, by their first row, are kept, because another zstd may compress differently.
-    """
+def encode_parts(start: FileStart, stream: MessageStream) -> Iterator[Compressed]:
+    """Yield the parts of a file, one after the other."""
     yield start.data
     crc, position = start.crc, len(start.data)
-    chunks: list[_Chunk] = []
-    cuts = [*packed, len(stream.times)] if packed else stream.chunk_starts()
+    chunks: list[FramedChunk] = []
+    cuts = stream.chunk_starts()
+    places = [*stream.offsets[cuts[:-1], 0].tolist(), len(stream.data)]
     indexes = message_indexes(stream.times, stream.sizes, stream.offsets, cuts)
-    for (first, last), index in zip(pairwise(cuts), indexes, strict=True):
-        chunk = _encode_chunk(stream, slice(first, last), position, index, packed.get(first))
+    for rows, (first, last), index in zip(pairwise(cuts), pairwise(places), indexes, strict=True):
+        packed = SCRATCH.compressor.compress(stream.data[first:last].data)
+        times = int(stream.times[rows[0]]), int(stream.times[rows[1] - 1])
+        chunk = frame_chunk(packed, last - first, times, index, position)
         for part in chunk.parts:
             crc = zlib.crc32(part, crc)
             position += len(part)
             yield part
         chunks.append(chunk._replace(parts=()))
     counts = np.count_nonzero(stream.sizes, axis=0).tolist()
-    # The end of the data section, the summary and the footer.
+    yield encode_end(start, chunks, counts, crc, position)
+
+
+def encode_end(
+    start: FileStart, chunks: Sequence[FramedChunk], counts: Sequence[int], crc: int, position: int
+) -> bytes:
+    """Return the end of the data section, the summary and the footer.
+
+    Args:
+        start: the start of the file.
+        chunks: its chunks.
+        counts: number of messages by channel.
+        crc: CRC-32 of all bytes before.
+        position: number of these bytes.
+    """
     ends = chunks[0].first, chunks[-1].last
     totals = sum(counts), start.schemas, len(counts), 1, 1, len(chunks)
     by_channel = _encode_by_channel(dict(enumerate(counts, start=1)))
@@ -183,24 +191,17 @@ def encode_parts(
     # The summary's CRC covers the footer's own first fields too.
     end = summary + offsets + footer[: -SIZE.size]
     data_end = DATA_END.pack(Opcode.DATA_END, SIZE.size, crc)
-    yield data_end + end + SIZE.pack(zlib.crc32(end)) + MCAP0_MAGIC
+    return data_end + end + SIZE.pack(zlib.crc32(end)) + MCAP0_MAGIC
 
 
-def _encode_chunk(
-    stream: MessageStream,
-    rows: slice,
-    position: int,
-    index: ChunkIndexes,
-    packed: Compressed | None,
-) -> _Chunk:
-    stop = stream.offsets[rows.stop, 0] if rows.stop < len(stream.times) else len(stream.data)
-    content = stream.data[stream.offsets[rows.start, 0] : stop].data
-    compressed = packed or SCRATCH.compressor.compress(content)
-    times = int(stream.times[rows.start]), int(stream.times[rows.stop - 1])
-    length, name = CHUNK_HEAD.size + len(compressed), _COMPRESSION.encode()
+def frame_chunk(
+    packed: Compressed, size: int, times: tuple[int, int], index: ChunkIndexes, position: int
+) -> FramedChunk:
+    """Return a compressed chunk of `size` bytes in a file, with the times of its first and last."""
+    length, name = CHUNK_HEAD.size + len(packed), _COMPRESSION.encode()
     # Zstd's own checksum covers the content: it takes a tenth of the time, and decoders verify it.
     no_checksum = 0
-    described = len(content), no_checksum, len(name), name, len(compressed)
+    described = size, no_checksum, len(name), name, len(packed)
     head = CHUNK_HEAD.pack(Opcode.CHUNK, length - FRAME.size, *times, *described)
     places = {channel: position + length + start for channel, start in index.starts.items()}
     entry = _encode_record(
@@ -209,9 +210,9 @@ def _encode_chunk(
         _encode_by_channel(places),
         _LENGTH.pack(len(index.data)),
         _encode_text(_COMPRESSION),
-        SIZES.pack(len(compressed), len(content)),
+        SIZES.pack(len(packed), size),
     )
-    return _Chunk([head, compressed, index.data], entry, *times)
+    return FramedChunk([head, packed, index.data], entry, *times)
 
 
 def _encode_record(kind: Opcode, *parts: bytes) -> bytes:

@@ -1,13 +1,8 @@
-"""Reads messages of a trace file as stored, and checks that the file is valid.
-
-Viewers rely on more than readable messages: they seek by the summary, the message indexes and the
-statistics, and expect messages in order of time. So a file must equal, byte for byte, the file
-that its messages encode to.
-"""
+"""Reads messages of a trace file as stored."""
 
 import struct
 import zlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from io import BytesIO
@@ -35,7 +30,6 @@ from contactlab.store.mcap.file_parts import (
     Compressed,
     FileStart,
     MessageStream,
-    encode_parts,
     file_start,
     with_metadata,
 )
@@ -121,26 +115,12 @@ class ChannelMessages:
         batch = max(1, _COMPARED_BYTES // layout.size)
         for first in range(0, len(offsets), batch):
             part = items[first : first + batch]
-            self._copy_records(offsets[first : first + batch], layout, part)
+            part[:] = overlapping_view(self.data, layout.size)[offsets[first : first + batch]]
+            different = part.view(np.uint8).reshape(len(part), layout.size) ^ layout.template_bytes
+            different &= layout.mask
+            if different.any():
+                raise ValueError("a message has other fields than its schema")
         return items.view(layout.dtype)
-
-    def check_records(self, chosen: slice | NDArray[np.bool_], layout: MessageLayout) -> None:
-        """Raise a ValueError if one of the chosen records has another layout."""
-        offsets = self.offsets[chosen]
-        batch = max(1, _COMPARED_BYTES // layout.size)
-        buffer = np.empty(min(batch, len(offsets)), f"V{layout.size}")
-        for first in range(0, len(offsets), batch):
-            some = offsets[first : first + batch]
-            self._copy_records(some, layout, buffer[: len(some)])
-
-    def _copy_records(
-        self, offsets: NDArray[np.int64], layout: MessageLayout, items: NDArray[np.void]
-    ) -> None:
-        items[:] = overlapping_view(self.data, layout.size)[offsets]
-        different = items.view(np.uint8).reshape(len(items), layout.size) ^ layout.template_bytes
-        different &= layout.mask
-        if different.any():
-            raise ValueError("a message has other fields than its schema")
 
     def iterate_contents(self) -> Iterator[bytes]:
         """Yield the content of each message."""
@@ -156,12 +136,11 @@ class StoredFile:
     channels: Sequence[Channel]
     metadata: Metadata
     model: Attachment
-    packed: Mapping[int, Compressed]  # compressed chunks, by the time of their first message
     messages: Mapping[int, ChannelMessages]  # by the id of their channel
 
 
 @dataclass(frozen=True)
-class _ChunkEntry:
+class ChunkEntry:
     """A chunk, as the summary describes it."""
 
     first_time: int
@@ -171,12 +150,12 @@ class _ChunkEntry:
     index_starts: Mapping[int, int]  # by channel
 
 
-class _Summary(NamedTuple):
+class Summary(NamedTuple):
     """The records of a file's summary, and those that it refers to."""
 
     schemas: Mapping[int, Schema]
     channels: Mapping[int, Channel]
-    chunks: Sequence[_ChunkEntry]
+    chunks: Sequence[ChunkEntry]
     metadata: Sequence[Metadata]
     attachments: Sequence[Attachment]
 
@@ -190,11 +169,12 @@ def _parse_record(kind: type[_Record], content: bytes) -> _Record:
     return kind.read(ReadDataStream(BytesIO(content)))
 
 
-def _read_summary(data: bytes) -> _Summary:
+def read_summary(data: bytes) -> Summary:
+    """Return the summary of a file without damage. Raises the errors in `UNREADABLE`."""
     tail = len(data) - len(MCAP0_MAGIC) - FOOTER.size
     *_, place, end, _ = FOOTER.unpack_from(data, tail)
     schemas, channels = dict[int, Schema](), dict[int, Channel]()
-    chunks, metadata, attachments = list[_ChunkEntry](), list[Metadata](), list[Attachment]()
+    chunks, metadata, attachments = list[ChunkEntry](), list[Metadata](), list[Attachment]()
     while place < end:
         kind, content = _record_at(data, place)
         place += FRAME.size + len(content)
@@ -211,7 +191,7 @@ def _read_summary(data: bytes) -> _Summary:
                 map_start = CHUNK_INDEX.size + SIZE.size
                 places = CHANNEL_NUMBER.iter_unpack(content[map_start : map_start + length])
                 compressed, unpacked = SIZES.unpack(content[-SIZES.size :])
-                chunks.append(_ChunkEntry(first, start, compressed, unpacked, dict(places)))
+                chunks.append(ChunkEntry(first, start, compressed, unpacked, dict(places)))
             case Opcode.METADATA_INDEX | Opcode.ATTACHMENT_INDEX:
                 target, inner = _record_at(data, SIZES.unpack_from(content)[0])
                 if kind == Opcode.METADATA_INDEX and target == Opcode.METADATA:
@@ -220,7 +200,14 @@ def _read_summary(data: bytes) -> _Summary:
                     attachments.append(_parse_record(Attachment, inner))
             case _:
                 pass
-    return _Summary(schemas, channels, chunks, metadata, attachments)
+    definitions = {schema.data for schema in schemas.values()}
+    for message in (STATE, CONTACTS):
+        if file_descriptor_set(message) not in definitions:
+            raise ValueError(f"its schema of {message.name} differs")
+    # A run may record 16 GiB, and messages have tags.
+    if sum(chunk.unpacked_size for chunk in chunks) > 32 << 30:
+        raise ValueError("its chunks claim to hold more data than any run records")
+    return Summary(schemas, channels, chunks, metadata, attachments)
 
 
 def _record_at(data: bytes, place: int) -> tuple[int, bytes]:
@@ -233,86 +220,53 @@ def _record_at(data: bytes, place: int) -> tuple[int, bytes]:
 
 def stored_file(data: bytes) -> StoredFile:
     """Return the parsed content of a file without damage; see `find_damage` and `UNREADABLE`."""
-    summary = _read_summary(data)
-    schemas = {schema.data for schema in summary.schemas.values()}
-    for message in (STATE, CONTACTS):
-        if file_descriptor_set(message) not in schemas:
-            raise ValueError(f"its schema of {message.name} differs")
+    summary = read_summary(data)
     [metadata], [model] = summary.metadata, summary.attachments
-    # A run may record 16 GiB, and messages have tags.
-    most_bytes = 32 << 30 if disk_memory_in_use() else MOST_TRACE
-    if sum(chunk.unpacked_size for chunk in summary.chunks) > most_bytes:
-        raise ValueError("its chunks claim to hold more data than any run records")
+    if not disk_memory_in_use() and sum(c.unpacked_size for c in summary.chunks) > MOST_TRACE:
+        raise ValueError("its chunks claim to hold more data than a short run records")
     offsets: dict[int, list[NDArray[np.int64]]] = {channel: [] for channel in summary.channels}
-    packed: dict[int, memoryview] = {}
-    base = 0
+    packed, base = list[memoryview](), 0
     for chunk in summary.chunks:
         start = chunk.start + CHUNK_HEAD.size
-        packed[chunk.first_time] = memoryview(data)[start : start + chunk.size]
+        packed.append(memoryview(data)[start : start + chunk.size])
         for channel, start in chunk.index_starts.items():
             *_, length = INDEX_HEAD.unpack_from(data, start)
             entries = np.frombuffer(data, "<u8", length // 8, start + INDEX_HEAD.size)
             offsets[channel].append(entries[1::2].astype(np.int64) + base)
         base += chunk.unpacked_size
-    if len(packed) != len(summary.chunks):
-        raise ValueError("two of its chunks begin at one time")
-    stream = _unpack_chunks(packed.values(), [chunk.unpacked_size for chunk in summary.chunks])
+    stream = _unpack_chunks(packed, [chunk.unpacked_size for chunk in summary.chunks])
     none = np.empty(0, np.int64)
     messages = {
         channel: ChannelMessages(stream, np.concatenate((none, *parts)))
         for channel, parts in offsets.items()
     }
     described = [*summary.schemas.values()], [*summary.channels.values()]
-    return StoredFile(*described, metadata, model, packed, messages)
+    return StoredFile(*described, metadata, model, messages)
 
 
-def _unpack_chunks(packed: Iterable[Compressed], sizes: Sequence[int]) -> NDArray[np.uint8]:
-    stream, start = np.empty(sum(sizes), np.uint8), 0
-    decompressor = zstandard.ZstdDecompressor()
+def _unpack_chunks(packed: Sequence[Compressed], sizes: Sequence[int]) -> NDArray[np.uint8]:
     for chunk, size in zip(packed, sizes, strict=True):
-        _check_chunk(chunk, size)
-        with decompressor.stream_reader(chunk) as reader:
-            # The content is unpacked in its place; its own checksum is read after it.
-            if reader.readinto(stream[start : start + size].data) != size or reader.read(1):
-                raise ValueError("a chunk holds another number of bytes than it claims")
+        check_chunk_size(chunk, size)
+    stream, start = np.empty(sum(sizes), np.uint8), 0
+    for chunk, size in zip(packed, sizes, strict=True):
+        unpack_chunk(chunk, stream[start : start + size])
         start += size
     return stream
 
 
-def unpack_chunk(compressed: bytes, size: int) -> bytes:
-    """Return the content of a chunk; both the chunk and the compressed data state its size."""
-    _check_chunk(compressed, size)
-    return zstandard.decompress(compressed)
-
-
-def _check_chunk(compressed: Compressed, size: int) -> None:
+def check_chunk_size(chunk: Compressed, size: int) -> None:
+    """Raise a ValueError if a chunk is not of this size, or of too large a one."""
     # Largest accepted chunk [bytes]: a written one has 1 MiB and the records of one step.
-    if size > 64 << 20 or zstandard.frame_content_size(compressed) != size:
+    if size > 64 << 20 or zstandard.frame_content_size(chunk) != size:
         raise ValueError(f"a chunk claims to hold {size:,} bytes")
 
 
-def find_defect(data: bytes) -> str | None:
-    """Return how a file differs from the encoding of its messages; None if it is valid."""
-    if damage := find_damage(data):
-        return damage
-    try:
-        return find_different_encoding(data, stored_file(data))
-    except UNREADABLE as error:
-        return f"a record cannot be decoded: {error}"
-
-
-def find_different_encoding(data: bytes, file: StoredFile) -> str | None:
-    """Return the defect of a file that differs from the encoding of its parsed messages."""
-    place = 0
-    # Chunks stay compressed as before.
-    stream = message_stream(file)
-    rows = np.searchsorted(stream.times, np.array([*file.packed], np.uint64)).tolist()
-    packed = dict(zip(rows, file.packed.values(), strict=True))
-    for part in encode_parts(file_start_of(file), stream, packed):
-        if memoryview(data)[place : place + len(part)] != part:
-            return "its chunks, indexes or summary do not match its messages"
-        place += len(part)
-    return None if place == len(data) else "the file is longer than its messages"
+def unpack_chunk(chunk: Compressed, content: NDArray[np.uint8]) -> None:
+    """Unpack a chunk into its place. Raises a ValueError if it is of another size."""
+    with zstandard.ZstdDecompressor().stream_reader(chunk) as reader:
+        # Its own checksum is read after the content.
+        if reader.readinto(content.data) != len(content) or reader.read(1):
+            raise ValueError("a chunk holds another number of bytes than it claims")
 
 
 def file_start_of(file: StoredFile) -> FileStart:

@@ -285,7 +285,8 @@ def _field_places(path: str, item: FieldPlace) -> Iterator[tuple[str, FieldPlace
 
 
 HEAD = MessageLayout(
-    bytes(HEADER_SIZE), (("opcode", "u1", 0), ("length", "<u8", 1), *_HEADER_COLUMNS)
+    bytes(HEADER_SIZE),
+    (("opcode", "u1", 0), ("length", "<u8", 1), ("sequence", "<u4", 11), *_HEADER_COLUMNS),
 ).dtype
 """The start of any Message record, before its content."""
 

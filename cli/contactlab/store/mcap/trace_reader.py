@@ -18,7 +18,6 @@ from contactlab.contact.trace_arrays import (
     SLOT_WIDTH,
     Floats,
     Integers,
-    hash_of_states,
 )
 from contactlab.disk_arrays import arrays_on_disk
 from contactlab.errors import StoreError
@@ -30,14 +29,13 @@ from contactlab.store.mcap.stored_messages import (
     ChannelMessages,
     StoredFile,
     find_damage,
-    find_different_encoding,
     stored_file,
 )
+from contactlab.store.mcap.trace_check import check_trace
 from contactlab.store.mcap.trace_messages import (
     EVIDENCE_TOPIC,
     STATE_TOPIC,
     contacts_record,
-    contacts_topic,
     last_state_record,
     pair_of_topic,
     point_counts,
@@ -269,73 +267,44 @@ def trace_problems(
     """
     assert record.trace is not None
     data = path.read_bytes()
-    if (len(data), hashlib.sha256(data).hexdigest()) != (record.trace.bytes, record.trace.sha256):
+    if len(data) != record.trace.bytes or hashlib.sha256(data).hexdigest() != record.trace.sha256:
         yield "changed since it was written"
         return
     if damage := find_damage(data):
         yield damage
         return
-    with _memory_for(data):
-        found = list(_different_bytes(data, record, model, but))
-    yield from found
-
-
-def _different_bytes(
-    data: bytes, record: EvidenceRecord, model: bytes | None, but: Collection[str]
-) -> Iterator[str]:
     try:
-        packed = stored_file(data)
-        if defect := find_different_encoding(data, packed):
-            yield defect
-            return
+        trace = check_trace(data)
+        yield from _different_fields(trace.record_json, record, but)
     except UNREADABLE as error:
-        yield f"a record cannot be decoded: {error}"
+        yield f"its content is invalid: {error}"
         return
-    try:
-        file = expand_blocks(packed)
-        yield from _different_content(file, record, but)
-    except UNREADABLE as error:
-        yield f"this version of contactlab cannot read it: {error}"
-        return
-    if model is not None and file.model.data != model:
+    # The hash includes the activations, which are not in the trace.
+    if trace.metadata.get(ACTIVATIONS) == "0" and trace.trajectory_hash != record.trajectory_hash:
+        yield "its states do not match the trajectory's hash"
+    # As many messages by topic as the table names.
+    states = trace.messages[STATE_TOPIC]
+    if states != record.steps + 1 or Counter(trace.messages) != Counter(record.trace.messages):
+        yield f"its messages by topic do not match the table, or {record.steps} steps"
+    if model is not None and trace.model_xml != model:
         yield "its model is not the scene's"
 
 
-def _different_content(
-    file: StoredFile, record: EvidenceRecord, but: Collection[str]
+def _different_fields(
+    record_json: bytes, record: EvidenceRecord, but: Collection[str]
 ) -> Iterator[str]:
-    assert record.trace is not None
-    messages = {channel.topic: file.messages[channel.id] for channel in file.channels}
-    [inside] = messages[EVIDENCE_TOPIC].iterate_contents()
-    own, stored = _plain_content(record), from_json(inside)
+    own, stored = _plain_content(record), from_json(record_json)
     if (
         not isinstance(stored, dict)
         or {name: value for name, value in stored.items() if name not in _LATER_FIELDS} != own
     ):
         # It may be written otherwise, as by an earlier version.
-        plain = _plain_content(EvidenceRecord.model_validate_json(inside))
+        plain = _plain_content(EvidenceRecord.model_validate_json(record_json))
         for name, value in own.items():
             # Errors have tolerances, too, which are judged after the trace is written.
             is_later = name == "tolerances_met" and record.accuracy is not None
             if plain[name] != value and name not in but and not is_later:
                 yield f"its record and the table differ in {name}"
-    arrays, times = _state_arrays(messages[STATE_TOPIC], *_state_sizes(file))
-    states = np.column_stack((arrays["time"], arrays["qpos"], arrays["qvel"]))
-    # The hash includes the activations, which are not in the trace.
-    activations = file.metadata.metadata.get(ACTIVATIONS)
-    if activations == "0" and hash_of_states(states) != record.trajectory_hash:
-        yield "its states do not match the trajectory's hash"
-    counts = {STATE_TOPIC: len(times), EVIDENCE_TOPIC: 1}
-    for topic, message in messages.items():
-        if (pair := pair_of_topic(topic)) is not None:
-            steps = _contact_steps(pair, message, times)
-            points = point_counts(message.sizes)
-            for count in np.unique(points).tolist():
-                message.check_records(points == count, contacts_record(count))
-            counts[contacts_topic(pair)] = len(steps)
-    # As many messages by topic as the table names.
-    if counts[STATE_TOPIC] != record.steps + 1 or Counter(counts) != Counter(record.trace.messages):
-        yield f"its messages by topic do not match the table, or {record.steps} steps"
 
 
 def _plain_content(record: EvidenceRecord) -> dict[str, Any]:
