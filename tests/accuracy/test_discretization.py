@@ -150,6 +150,20 @@ def test_one_reference_for_numerics_another_for_each_model(sweeper: Any) -> None
     assert by_height[0.01] != by_height[0.02]
 
 
+def test_a_free_fall_has_the_error_of_its_closed_form(sweeper: Any) -> None:
+    """Euler's speed g t is exact, and its place is off by g t h / 2."""
+    sweeper.run(
+        "version: 1\nscene: ball_drop\nduration: 0.1\ntrace: none\nchecks: none\n"
+        "axes: {integrator: [Euler], timestep: [1.0e-3, 4.0e-3], drop_height: [1.0]}\n"
+        "accuracy: {error: trajectory}\n"
+    )
+    for row in sweeper.rows():
+        # A hundred sums of numbers up to 1 m/s.
+        assert row["error_velocity"] == pytest.approx(0, abs=1e-13)
+        # The reference is of fourth order, and exact where the acceleration is constant.
+        assert row["error_final"] == pytest.approx(9.81 * 0.1 * row["timestep"] / 2, rel=1e-9)
+
+
 CHAOS = """
 version: 1
 scene: double_pendulum

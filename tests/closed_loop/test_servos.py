@@ -67,6 +67,13 @@ def test_a_servo_sags_by_its_load_over_its_stiffness() -> None:
     assert servo.travel == 2
 
 
+@pytest.mark.parametrize("c", [5.0, 80.0])
+def test_a_servo_rings_as_its_mass_on_a_spring(c: float) -> None:
+    (servo,) = servos_of(SLIDER.format(h=0.002, integrator="Euler", m=3, k=500, c=c))
+    assert servo.frequency == pytest.approx(np.sqrt(500 / 3) / (2 * np.pi), rel=1e-12)
+    assert servo.damping_ratio == pytest.approx(c / (2 * np.sqrt(500 * 3)), rel=1e-12)
+
+
 @pytest.mark.parametrize("held", [False, True])
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "implicit", "RK4"])
 def test_the_linear_step_is_the_derivative_of_a_step_of_mujoco(
