@@ -177,7 +177,8 @@ class TestTunneling:
         trace.qpos[0, :, 0] = changes.pop("x", 0.0)
         trace.qpos[0, :, 2] = changes.pop("z", np.linspace(1, -1, 101))
         body = FreeBody("ball", 0, 0, np.ones(1))
-        plate = Barrier(0, body, np.zeros(3), np.array([0.0, 0.0, 1.0]), changes.pop("reach", 0.1))
+        point = np.array([0.0, 0.0, changes.pop("height", 0.0)])
+        plate = Barrier(0, body, point, np.array([0.0, 0.0, 1.0]), changes.pop("reach", 0.1))
         return trace, setup_of(trace, barriers=(plate,), passive=False)
 
     @pytest.mark.parametrize("start", [1.0, -1.0])
@@ -190,6 +191,12 @@ class TestTunneling:
             found = only(*made)
             assert (found.label, found.step) == ("tunneling", 50 if start > 0 else 49)
             assert "ball passed the mid-plane of floor-box" in found.reason
+
+    def test_a_plate_is_where_it_is(self, trace_of: Any, setup_of: Any, pair_of: Any) -> None:
+        z = np.linspace(3, 1, 101) + 0.01
+        for height, label in ((2.0, "tunneling"), (0.5, "stable"), (-2.0, "stable")):
+            made = self.crossing(trace_of, setup_of, pair_of, z=z, height=height)
+            assert only(*made).label == label
 
     def test_beside_a_plate_there_is_nothing_to_pass(
         self, trace_of: Any, setup_of: Any, pair_of: Any

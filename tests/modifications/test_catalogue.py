@@ -25,6 +25,7 @@ from contactlab.modifications.catalogue import (
     list_reductions,
     list_rows,
 )
+from contactlab.modifications.model_changes import raise_time_constants
 from contactlab.modifications.modification import (
     ANY_LABEL,
     NO_EDITS,
@@ -55,6 +56,24 @@ OF_THE_MODEL = {"filterparent", "constraint", "invdiscrete"}
 """Effects of sweeps that define a model itself."""
 """Fields that entries edit and no setting can name."""
 MODEL = mujoco.MjModel.from_xml_string("<mujoco/>")
+
+
+def test_raised_time_constants_move_as_the_safeguard_does() -> None:
+    """A contact of 3 ms at a step of 4 ms is one of 8 ms, written or raised by the engine."""
+    guarded = mujoco.MjModel.from_xml_string(
+        """<mujoco><option timestep=".004"/><default><geom solref=".003 1"/></default><worldbody>
+        <geom type="plane" size="1 1 .1"/><body pos="0 0 .11"><freejoint/><geom size=".1"/></body>
+        </worldbody></mujoco>"""
+    )
+    written = copy.copy(guarded)
+    written.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_REFSAFE
+    raise_time_constants(written, guarded)
+    ends = []
+    for model in (guarded, written):
+        data = mujoco.MjData(model)
+        mujoco.mj_step(model, data, nstep=100)
+        ends.append(data.qpos.tolist())
+    assert ends[0] == ends[1]
 
 
 def halve_noise(model: mujoco.MjModel, _own: mujoco.MjModel | None = None) -> None:

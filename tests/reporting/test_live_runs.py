@@ -127,6 +127,18 @@ def test_a_slider_at_the_value_of_another_run_gives_that_run(store: Store) -> No
                 np.testing.assert_array_equal(numbers, theirs.parts[part])
 
 
+def test_a_page_has_sixty_poses_a_second_and_the_last(store: Store) -> None:
+    for record in store.records():
+        motion = LiveRuns(store).run(record.run_id).motion
+        assert motion is not None
+        step = float(str(record.axes["timestep"]))
+        # A pose is that of the first step at or after each sixtieth of a second.
+        gaps = np.diff(motion.times)
+        assert (gaps[:-1] >= 1 / 60 - step).all()
+        assert (gaps <= 1 / 60 + step).all()
+        assert motion.times[-1] == pytest.approx(0.02)
+
+
 def test_sliders_are_the_swept_axes_first_with_values_between_theirs(store: Store) -> None:
     record = next(iter(store.records()))
     sliders = LiveRuns(store).run(record.run_id).sliders

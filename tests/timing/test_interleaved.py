@@ -160,6 +160,13 @@ def test_intervals_of_seeds_hold_the_truth() -> None:
     assert LEAST_COVERED - 0.02 <= np.mean(covered) < 1
 
 
+def test_seeds_are_timed_until_every_interval_is_narrow() -> None:
+    quiet, noisy = Machine(0), Machine(0, noise=1.0)
+    timers = [[*quiet.timers(1.0, 2.0), *noisy.timers(3.0)]] * 24
+    assert len([*time_samples(timers)]) == 24
+    assert len([*time_samples([models[:2] for models in timers])]) == 6
+
+
 def test_two_seeds_are_timed_in_any_case() -> None:
     taken = [*time_samples(samples(np.random.default_rng(0), 5), may_continue=lambda: False)]
     assert len(taken) == 2
