@@ -34,8 +34,6 @@ ENUMS = {
     "cone": (mujoco.mjtCone, "mjCONE_"),
     "jacobian": (mujoco.mjtJacobian, "mjJAC_"),
 }
-ENABLED = ("multiccd", "energy", "fwdinv", "sleep")
-"""Flags that are off by default."""
 
 
 Settings = Mapping[str, object]
@@ -82,7 +80,7 @@ def apply_settings(model: mujoco.MjModel, settings: Mapping[str, object]) -> Non
 
 def set_flag(model: mujoco.MjModel, name: str, *, on: bool) -> None:
     """Turn a flag on or off."""
-    known = name in ENABLED
+    known = hasattr(mujoco.mjtEnableBit, "mjENBL_" + name.upper())
     enum = mujoco.mjtEnableBit if known else mujoco.mjtDisableBit
     bit = int(getattr(enum, ("mjENBL_" if known else "mjDSBL_") + name.upper()))
     field = "enableflags" if known else "disableflags"

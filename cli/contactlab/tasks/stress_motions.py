@@ -2,6 +2,7 @@
 
 import copy
 import hashlib
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -44,16 +45,22 @@ def double_inputs(motion: Motion) -> Motion:
 class KnownStates:
     """The states of motions, which those of changed models are compared with bit for bit.
 
-    Each motion is run when its states are first needed, and once. Most changed models differ after
-    a few steps, so that the first steps of all motions are compared before whole motions.
+    Each motion is run when its states are first needed. Most changed models differ after a few
+    steps, and many at the first contact, so that ever more of the first steps of all motions are
+    compared before whole motions.
     """
 
     def __init__(self, motions: Sequence[Motion], workers: int) -> None:
         """Run nothing yet."""
         self.motions, self._workers = motions, workers
-        first_steps = 20  # a model that moves otherwise usually shows it by then
-        self._begins = [
-            replace(motion, inputs=motion.inputs[:, :first_steps]) for motion in motions
+        # A model that moves otherwise usually shows it in 20 steps. Each next part is five times as
+        # long, so that all parts together take a quarter more than whole motions.
+        longest = max(motion.steps for motion in motions)
+        lengths = list(itertools.takewhile(lambda steps: steps < longest, (20, 100, 500, 2500)))
+        self._parts = [
+            replace(motion, inputs=motion.inputs[:, :steps])
+            for steps in lengths
+            for motion in motions
         ]
         self._known = dict[int, bytes]()
 
@@ -64,11 +71,12 @@ class KnownStates:
 
     def match_motions(self, others: Sequence[Motion]) -> bool:
         """Return whether each bit of other motions of the same length is equal."""
-        begins = zip(self._begins, others, strict=True)
-        short = [replace(other, inputs=other.inputs[:, : own.steps]) for own, other in begins]
-        pairs = [*zip(self._begins, short, strict=True), *zip(self.motions, others, strict=True)]
+        pairs = zip([*self._parts, *self.motions], itertools.cycle(others), strict=False)
         return all(
-            self._find_digest(own) == _digest_states(visit_states(other, self._workers))
+            self._find_digest(own)
+            == _digest_states(
+                visit_states(replace(other, inputs=other.inputs[:, : own.steps]), self._workers)
+            )
             for own, other in pairs
         )
 

@@ -197,11 +197,12 @@ class Clock:
         models: Sequence[ModelAtStep],
         tasks: Iterable[Sequence[Motion]],
         may_continue: Callable[[], bool],
+        fewest_seeds: int = 2,
     ) -> list[TimeRatio]:
         """Return the times of models over the time of the model as written, for whole runs.
 
         Seeds of one task after the other are run until the interval is narrow enough, or it may not
-        continue. At least two are run, since one shows no spread.
+        continue. One seed shows no spread, and two have an interval that says little.
         """
         made = self._with_steps([(self._written, self._reference.substeps), *models])
         seeds = (
@@ -209,7 +210,7 @@ class Clock:
             for motions in tasks
             for seed in range(motions[0].seeds)
         )
-        taken = [*time_samples(seeds, may_continue=may_continue)]
+        taken = [*time_samples(seeds, least=fewest_seeds, may_continue=may_continue)]
         self.base_seconds = float(np.mean(taken, axis=0)[0])
         return ratios_of_samples(taken)
 

@@ -42,7 +42,7 @@ class FrontLayout:
 
 
 PAGE_LAYOUTS = {
-    "wide": FrontLayout(width=760, height=420, titled=False),
+    "wide": FrontLayout(width=960, height=440, titled=False),
     "narrow": FrontLayout(width=290, height=320, letter=5.8, line=12.0, font=10, titled=False),
 }
 """For a page: in a wide window, and on a telephone."""
@@ -97,11 +97,9 @@ def draw_front(report: TuneReport, layout: FrontLayout | None = None) -> alt.Top
     )
     y = _scale_axis(alt.Y("error:Q"), upward, _error_title(report), report.target.unit)
     levels, ladders = _find_levels(report, upward), _ladder_rows(report, points)
-    boxes = [*_level_boxes(levels, upward, layout)]
-    lines = [
-        *_line_boxes(levels, ladders, across, upward),
-        *_span_boxes(points, across, upward),
-    ]
+    curves = [*_ladder_boxes(ladders, across, upward), *_span_boxes(points, across, upward)]
+    boxes = _place_levels(levels, curves, upward, layout)
+    lines = [*_level_lines(levels, upward, layout), *curves]
     seen = [
         row for row in ladders if across.has_value(row["time"]) and upward.has_value(row["error"])
     ]
@@ -114,7 +112,7 @@ def draw_front(report: TuneReport, layout: FrontLayout | None = None) -> alt.Top
         x=x, y=y, color=colour
     )
     layers = [
-        *_level_layers(levels, upward, layout, y),
+        *_level_layers(levels, boxes, layout, y),
         ladder.mark_line(opacity=0.35, strokeWidth=1.2, clip=True),
         ladder.mark_point(filled=True, size=14, opacity=0.45, clip=True),
         shown.mark_rule(opacity=0.55).encode(y=alt.Y("low:Q"), y2="high:Q"),
@@ -222,7 +220,7 @@ def _ladder_rows(report: TuneReport, points: Sequence[FrontPoint]) -> Rows:
         for each in report.candidates
         if each.error and each.cost and _name_settings(each) not in names
     ]
-    rows = [row for row in rows if not any(_is_ranked(row, other) for other in own)]
+    rows = [row for row in rows if not any(_contradicts(row, other) for other in own)]
     rows = [row for row in rows if not any(_beats_row(other, row) for other in rows)]
     return sorted([*rows, *own], key=lambda row: (row["integrator"], row["time"]))
 
@@ -240,8 +238,9 @@ def _beats_row(row: dict[str, Any], other: dict[str, Any]) -> bool:
     )
 
 
-def _is_ranked(row: dict[str, Any], point: dict[str, Any]) -> bool:
-    return _beats_row(row, point) or _beats_row(point, row)
+def _contradicts(row: dict[str, Any], point: dict[str, Any]) -> bool:
+    # A point is beaten by no candidate, and beats some of its own integrator.
+    return _beats_row(row | {"integrator": point["integrator"]}, point) or _beats_row(point, row)
 
 
 def _find_levels(report: TuneReport, upward: Scale) -> Rows:
@@ -263,44 +262,55 @@ def _find_levels(report: TuneReport, upward: Scale) -> Rows:
 
 
 def _level_layers(
-    levels: Rows, upward: Scale, layout: FrontLayout, y: alt.Y
+    levels: Rows, boxes: Sequence[Box], layout: FrontLayout, y: alt.Y
 ) -> Iterator[alt.Chart]:
-    # Of two near levels the text of the lower one is below its line.
-    for row, is_below in zip(levels, _texts_below(levels, upward), strict=True):
-        line = layer_of(row["text"], [row]).encode(y=y)
+    for row, box in zip(levels, boxes, strict=True):
+        line, is_left = layer_of(row["text"], [row]).encode(y=y), box[0] <= 0
         yield line.mark_rule(color=_EDGE, strokeDash=[5, 4])
         yield from halo_layers(
-            line.encode(x=alt.value("width"), text="text:N"),
-            align="right",
-            baseline="top" if is_below else "bottom",
-            dx=-4,
-            dy=3 if is_below else -2,
+            line.encode(x=alt.value(0 if is_left else "width"), y=alt.value(box[1]), text="text:N"),
+            align="left" if is_left else "right",
+            baseline="top",
+            dx=4 if is_left else -4,
             fontSize=layout.font - 1,
             color=_FAINT,
         )
 
 
-def _texts_below(levels: Rows, upward: Scale) -> list[bool]:
-    places = [upward.locate_value(row["error"]) for row in levels]
-    return [before - place < 28 for before, place in zip([math.inf, *places], places, strict=False)]
-
-
-def _level_boxes(levels: Rows, upward: Scale, layout: FrontLayout) -> Iterator[Box]:
-    for row, is_below in zip(levels, _texts_below(levels, upward), strict=True):
-        top = (
-            layout.height
-            - upward.locate_value(row["error"])
-            + (2 if is_below else -layout.line - 2)
+def _place_levels(
+    levels: Rows, curves: Sequence[Box], upward: Scale, layout: FrontLayout
+) -> list[Box]:
+    # Boxes of texts: at the end of their line that is free, above it if there is room.
+    found, lines = list[Box](), [*_level_lines(levels, upward, layout)]
+    for row, line in zip(levels, lines, strict=True):
+        room = layout.letter * len(row["text"])
+        others = [*curves, *(other for other in lines if other != line)]
+        spots = [
+            (left, top, left + room, top + layout.line)
+            for top in (line[1] - layout.line, line[3] + 1)
+            for left in (layout.width - room, 0.0)
+        ]
+        found.append(
+            min(
+                spots,
+                key=lambda spot: (
+                    sum(_overlap_area(spot, other) for other in others)
+                    + 5 * sum(_overlap_area(spot, other) for other in found)
+                    + _outside_penalty(spot, layout)
+                ),
+            )
         )
-        left = layout.width - layout.letter * len(row["text"])
-        yield left, top, float(layout.width), top + layout.line
+    return found
 
 
-def _line_boxes(levels: Rows, ladders: Rows, across: Scale, upward: Scale) -> Iterator[Box]:
-    # Lines that no name should cross, as small boxes along them.
+def _level_lines(levels: Rows, upward: Scale, layout: FrontLayout) -> Iterator[Box]:
     for row in levels:
         top = upward.length - upward.locate_value(row["error"])
-        yield 0.0, top - 2, across.length, top + 2
+        yield 0.0, top - 2, float(layout.width), top + 2
+
+
+def _ladder_boxes(ladders: Rows, across: Scale, upward: Scale) -> Iterator[Box]:
+    # Lines that no text should cross, as small boxes along them.
     for one, other in itertools.pairwise(ladders):
         if one["integrator"] != other["integrator"]:
             continue

@@ -4,8 +4,8 @@ Everything is decided by errors and by counted work, in a fixed order, so that t
 the same result on any machine and under any load. Exact savings come first: settings that change
 no bit of the motion. Then every setting that saves work and adds hardly any error; then integrator
 and timestep; then settings that save work within the allowed error. Then the front: each integrator
-at its own ladder of steps, from finer than as written to as coarse as the tolerance allows. A time
-limit ends the search early.
+at its own ladder of steps, from finer than as written to as coarse as the tolerance allows, then
+sleep, which whole runs are needed for. A time limit ends the search early.
 """
 
 import itertools
@@ -175,6 +175,7 @@ class Search:
         work: counted work of the search for bounds, in tasks of the model as written.
         front_limit: largest error of the front.
         front_work: counted work of the front, besides.
+        sleep_work: work of an estimate with sleep, over that of one without.
         is_late: whether the time of the search is over.
         is_exact: whether a model moves as the model as written, bit for bit.
         evaluations: evaluated configurations by key.
@@ -191,6 +192,7 @@ class Search:
     is_exact: Callable[[mujoco.MjModel], bool] = lambda _: False
     front_limit: float = 0.0
     front_work: float = 0.0
+    sleep_work: float = 1.0
     evaluations: dict[Key, Evaluation] = field(default_factory=dict[Key, "Evaluation"])
     ending: Ending = "complete"
     work_done: float = 0.0
@@ -226,24 +228,30 @@ class Search:
     def _search_all(self) -> None:
         try:
             self.evaluate_current()
+            found = list[tuple[Bound, Configuration]]()
             for place, bound in enumerate(self.bounds):
                 self.bound = bound
                 self._work_limit = self.work_done + (self.work - self.work_done) / (
                     len(self.bounds) - place
                 )
                 try:
-                    self._search_bound()
+                    if best := self._search_bound():
+                        found.append((bound, best))
                 except OutOfWorkError:
                     self.ending = "work"
             self._work_limit = self.work_done + self.front_work
             try:
-                self._search_front()
+                self._search_ladders()
+                for self.bound, best in found:
+                    self._try_sleep(best)
+                self._search_between()
             except OutOfWorkError:
                 self.ending = "work"
         except OutOfTimeError:
             self.ending = "time"
 
-    def _search_front(self) -> None:
+    def _search_ladders(self) -> None:
+        # They come before refinements, so that a slow model has both ends of its front.
         if not self.front_limit:
             return
         bases = {
@@ -259,12 +267,16 @@ class Search:
             if not self._moves_like_cheaper(name, distinct):
                 distinct.append(name)
                 self._try_longer_steps(name, bases[name])
-        if self.max_cost is None and self.front_limit > max(each.limit for each in self.bounds):
-            self.bound = Bound.of(self.front_limit)
-            self._search_bound()
-        self._cross_front()
         for name in sorted(distinct, key=lambda name: name != _ACCURATE):
             self._try_finer_steps(self._without_error(name), bases[name])
+
+    def _search_between(self) -> None:
+        if self.max_cost is None and self.front_limit > max(each.limit for each in self.bounds):
+            self.bound = Bound.of(self.front_limit)
+            if best := self._search_bound():
+                self._try_sleep(best)
+        if self.front_limit:
+            self._cross_front()
 
     def _without_error(self, integrator: str) -> Configuration:
         own = changed_settings({INTEGRATOR: integrator}, self.space.model)
@@ -377,16 +389,14 @@ class Search:
         }
         return choice.with_settings(changed_settings(converged, self.space.model_of(choice)))
 
-    def _search_bound(self) -> None:
+    def _search_bound(self) -> Configuration | None:
+        # Return the best configuration, except for sleep.
         base = self._lossless_base
         if self.max_cost is not None:
             self._search_accuracy(base)
-            return
+            return None
         best = self._search_steps(base)
-        if best is None:
-            return
-        best = self._drop_useless(self._add_lossy(best))
-        self._try_sleep(best)
+        return best and self._drop_useless(self._add_lossy(best))
 
     def rank_candidates(self, bound: Bound) -> list[Evaluation]:
         """Return the candidates within a bound, the best first; ties go to the simpler one."""
@@ -482,7 +492,8 @@ class Search:
             self._check_limits()
             found = self.estimator.estimate_error(self.space.model_of(choice), choice.multiple)
             entry.error = found
-            self.work_done += cost if math.isfinite(cost) else 1.0
+            passes = self.sleep_work if choice.settings.get("sleep") else 1.0
+            self.work_done += passes * (cost if math.isfinite(cost) else 1.0)
             finish_step(self._progress, self.work_done - self._progress.finished_steps)
         return entry
 
@@ -640,7 +651,11 @@ class Search:
             for one in (*near, cheapest):
                 if good(one):
                     return _added_settings(one, base)
-            alone = split_condim(_added_settings(cheapest, base))[:_MOST_GEOMS]
+            alone = split_condim(_added_settings(cheapest, base))
+            share = min(1.0, _MOST_GEOMS / max(1, len(alone)))
+            saved = share * (1 - self._cost_of(cheapest) / self._cost_of(base))
+            # Few of many geoms save too little.
+            alone = alone[:_MOST_GEOMS] if saved > 1 - SAVING else []
             if kept := [each for each in alone if good(base.with_settings(each))]:
                 return dict(ChainMap(*map(dict, kept)))
         return {}

@@ -169,7 +169,9 @@ def _front_row(point: FrontPoint, report: TuneReport) -> Row:
         time = f"work {format_amount(point.candidate.cost, 'x')}"
     low, high = (error_text(value, unit) for value in (point.error_low, point.error_high))
     errors = f"{low.removesuffix(f' {unit}')} to {high}"
-    if unit == "1":
+    if point.error_seeds == 1:
+        errors = "1 seed"
+    elif unit == "1":
         errors = format_interval(point.error_low, point.error_high).replace(" to ", "-")
     return Row(
         (

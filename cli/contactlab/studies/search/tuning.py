@@ -71,7 +71,7 @@ from contactlab.studies.search.tuning_problem import PLAN, TuningProblem
 from contactlab.studies.search.verification import CandidateVerifier, Goal, VerifiedCandidate
 from contactlab.studies.verification.panel import ERROR_FLOOR
 from contactlab.tasks.checked_model import open_model
-from contactlab.tasks.reference_error import ErrorEstimate
+from contactlab.tasks.reference_error import ErrorEstimate, TaskReference
 from contactlab.tasks.session import Session
 from contactlab.tasks.stress_motions import join_seeds
 from contactlab.tasks.task_clock import Clock
@@ -178,6 +178,7 @@ class TuningStudy:
             lambda: allowed.elapsed > PLAN.searched * allowed.seconds,
             problem.moves_alike,
             front_work=PLAN.front / PLAN.search * problem.search_passes,
+            sleep_work=problem.sleep_work,
         )
         self._divergence: Divergence | None = None
         self._target = self._find_target()
@@ -413,8 +414,8 @@ class TuningStudy:
         #
         # Bodies meet stops and others at other times for each seed, so that the few seeds of the
         # search say little of accurate candidates. Contenders are compared on more seeds, and those
-        # that remain on others: these choose the points. Without time or work for that, the errors
-        # of the search count.
+        # that remain on others: these choose the points. If work allows few seeds, all contenders
+        # are measured on them. Without time or work for that, the errors of the search count.
         search, plan = self._search, _SEED_PLAN
         if self._request.error_at is not None:  # the largest of all seeds grows with their number
             plan = replace(plan, pilot=self._problem.seeds, most=self._problem.seeds)
@@ -423,10 +424,15 @@ class TuningStudy:
         first = max(self._problem.task.seeds) + 1
         contenders = self._choose_contenders(known, marked)
         count = min(plan.pilot, self._affordable_seeds(contenders, plan.pilot_share))
+        has_pilot = count == plan.pilot
+        if not has_pilot:
+            count = min(plan.pilot, self._affordable_seeds(contenders, 1.0))
         if count < self._problem.seeds or not self._has_time(contenders, count):
             points = choose_front(known, marked, search.front_limit)
             return points, [one.error for one in points if one.error]
         errors = self._measure_errors(contenders, first, count)
+        if not has_pilot:
+            return self._choose_measured(contenders, errors, marked)
         rules = FrontRules(noise=plan.noise, contenders=plan.finalists)
         piloted = self._with_errors(contenders, errors)
         finalists = choose_contenders(piloted, marked, self._limit_front(piloted), rules)
@@ -502,8 +508,12 @@ class TuningStudy:
         problem, search = self._problem, self._search
         seeds = tuple(range(first, first + count))
         motions = problem.examined.motions_of(problem.task.model_copy(update={"seeds": seeds}))
-        fine = problem.run_reference(
-            motions, problem.reference.substeps, problem.reference_integrator
+        # Few windows would have an error that no seed shows: impacts are in some of them only.
+        fine = TaskReference.run_references(
+            motions,
+            problem.reference.substeps,
+            problem.threads,
+            integrator=problem.reference_integrator,
         )
         estimator = problem.error_estimator(fine, motions)
         return [
@@ -535,7 +545,7 @@ class TuningStudy:
         answer = next(iter(own.values()), None)
         is_current = key == self._search.current.key
         failed = self._verifier.worse.get(key, "")
-        low, high = error.mean_interval()
+        low, high = error.mean_interval() if len(error.shares) != 1 else (None, None)
         state: PointState = "as written" if is_current else "verified" if answer else "not verified"
         return FrontPoint(
             number=number,
@@ -631,9 +641,9 @@ class TuningStudy:
         return known.error.error <= self._target.limit
 
     def _time_candidate(self, tried: Evaluation) -> None:
-        self._time_closely([self._verifier.current, tried])
+        self._time_closely([self._verifier.current, tried], fewest_seeds=4)
 
-    def _time_closely(self, candidates: Sequence[Evaluation]) -> None:
+    def _time_closely(self, candidates: Sequence[Evaluation], fewest_seeds: int = 2) -> None:
         models = [
             (self._search.space.model_of(one.configuration), one.configuration.multiple)
             for one in candidates
@@ -642,7 +652,7 @@ class TuningStudy:
         timing_share = 0.3  # of the remaining time for timing a verified candidate
         least = (1 - timing_share) * limit.remaining
         prices = self._clock.time_whole_runs(
-            models, self._timed_tasks(), lambda: limit.remaining > least
+            models, self._timed_tasks(), lambda: limit.remaining > least, fewest_seeds
         )
         for one, price in zip(candidates, prices, strict=True):
             one.time_ratio = price

@@ -11,6 +11,7 @@ import mujoco
 from contactlab.budget import Motion
 from contactlab.budget.measuring import WINDOW
 from contactlab.errors import EngineError, SceneError
+from contactlab.judge.wording import plural
 from contactlab.modifications.catalogue import list_reductions
 from contactlab.modifications.unused_pairs import (
     exclusion_edits,
@@ -313,10 +314,14 @@ class TuningProblem:
             reason = f"runs of {share * whole:.2g} s for {whole:g} s; --max-time allows no more"
             self._skip_part("length", reason)
         if self.verified_seeds < seeds or self.verified_share < 1:
-            reason = f"{self.verified_seeds} of {seeds} seeds were compared"
+            reasons = list[str]()
+            if self.verified_seeds < seeds:
+                reasons.append(f"{plural(self.verified_seeds, 'seed')} for {seeds}")
             if self.verified_share < 1:
-                reason += f", in runs of {self.verified_task.duration:.3g} s"
-            self._skip_part("verification", f"{reason}; --max-time allows no more")
+                length = self.verified_share * self.verified_task.duration
+                reasons.append(f"runs of {length:.2g} s for {self.verified_task.duration:g} s")
+            reason = f"it compared {' and '.join(reasons)}; --max-time allows no more"
+            self._skip_part("verification", reason)
         allowed = _RULES.count_share * self.work / _RULES.search_passes
         samples = int(allowed / (self.cost.sample_seconds * len(self.motions)))
         self.cost = CountedCost(self.motions, self.model, self.threads, samples)
@@ -326,6 +331,11 @@ class TuningProblem:
         """Error estimates of the model as written that the work allows."""
         each = self.cost.pass_seconds * self.seeds / self._window_stride
         return self._trial_work / each
+
+    @property
+    def sleep_work(self) -> float:
+        """Work of an error with sleep, of whole runs with their references, over that without."""
+        return float(self.reference.substeps * self._window_stride)
 
     @property
     def _trial_work(self) -> float:

@@ -44,7 +44,7 @@ from contactlab.studies.search.settings_search import (
     error_of,
 )
 from contactlab.studies.search.tune_request import TuneRequest
-from contactlab.studies.search.tuning_problem import TuningProblem
+from contactlab.studies.search.tuning_problem import PLAN, TuningProblem
 from contactlab.studies.verification import (
     VerificationRequest,
     verify_change,
@@ -182,8 +182,10 @@ class CandidateVerifier:
         simpler: Evaluation | None = None
         try:
             most_verdicts = 8  # per goal
-            for _ in range(min(verdicts, most_verdicts)):
-                self._check_time(self._reserve)
+            for place in range(min(verdicts, most_verdicts)):
+                # After the first candidate, the points of the front have their share of the time.
+                front_time = PLAN.points * PLAN.whole * self._time_limit.seconds if place else 0.0
+                self._check_time(self._reserve + front_time)
                 measured = self._next_within_limit(goal, done, below, simpler)
                 simpler = None
                 if measured is None:
