@@ -117,8 +117,8 @@ def effects(
         report = study_recordings(request, session)
     if figure is not None:
         from contactlab.charts import save_figure
-        from contactlab.studies.effects.effects_chart import specification
+        from contactlab.studies.effects.effects_chart import draw_effects
 
-        save_figure(specification(report), Path(figure))
+        save_figure(draw_effects(report), Path(figure))
         say(f"drew {figure}")
     return report

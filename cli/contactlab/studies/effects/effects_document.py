@@ -54,12 +54,16 @@ def describe_effects(report: EffectsReport, *, folder: Path | None = None) -> Do
 
 def _describe_row(part: PartEffect) -> tuple[str, ...]:
     error = "" if part.error is None else format_percent(part.error)
-    name = f"add {part.name}" if part.adds else part.name
-    kind = "" if part.kind == "feature" or part.members else f"{part.kind} "
     time = _format_ratio(part.time_ratio) if part.time_ratio else ""
     # A row fits into 80 columns.
-    named, body = _shorten_name(kind + name, width=27), _shorten_name(part.body, width=15)
+    named, body = _shorten_name(name_part(part), width=27), _shorten_name(part.body, width=15)
     return named, part.verdict, error, body, time
+
+
+def name_part(part: PartEffect) -> str:
+    """Return the name of a row, with its kind if that does not say it."""
+    name = f"add {part.name}" if part.adds else part.name
+    return name if part.kind == "feature" or part.members else f"{part.kind} {name}"
 
 
 def _shorten_name(text: str, width: int) -> str:
