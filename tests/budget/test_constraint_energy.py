@@ -108,6 +108,24 @@ def test_a_damped_contact_gives_back_its_restitution(zeta: float) -> None:
     assert energies[-1] == pytest.approx(given[0], rel=0.03)
 
 
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
+def test_one_evaluation_serves_steps_of_every_length(integrator: str) -> None:
+    """States that two references share, and that repeat, have the energies of either, bit for bit.
+
+    States that are not finite have none.
+    """
+    text = TIED.replace("<option ", f'<option integrator="{integrator}" ')
+    coarse, fine = (_model(text, WIDE, h) for h in (1e-4, 2.5e-5))
+    states, _ = _states(coarse, 300, 100)
+    later = states + np.eye(states.shape[1])[0]
+    rows = np.stack([states, later, np.full_like(states, np.nan)])
+    both = ConstraintEnergy(fine).after_steps(rows, [1e-4, 2.5e-5])
+    expected = np.stack([ConstraintEnergy(model)(states) for model in (coarse, fine)])
+    assert np.array_equal(both[:, 0], expected)
+    assert np.array_equal(both[:, 1], expected)
+    assert np.isnan(both[:, 2]).all()
+
+
 def test_friction_stores_nothing() -> None:
     """Its rows have no violation, however fast their regularisation lets a body creep."""
     model = _model(BALL, CONSTANT, option='gravity="3 0 -9.81" cone="elliptic"')

@@ -2,6 +2,7 @@
 
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from xml.sax.saxutils import quoteattr
 
 import pytest
 from hypothesis import given
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 from contactlab import resources
 from contactlab.scene.model_text import (
     apply_replacements,
+    attribute_text,
     elements_of,
     remove_element,
     with_attributes,
@@ -60,3 +62,9 @@ def test_what_is_removed_takes_its_lines_only_if_it_is_alone() -> None:
         apply_replacements(data, [remove_element(data, each) for each in (b, c, d)])
         == b"<a>\n   \n</a>"
     )
+
+
+@pytest.mark.parametrize("text", ["a & b", "<\t>", "\n\r", 'say "x"', "it's", "'\"&", ""])
+def test_attributes_are_written_as_the_standard_library_writes_them(text: str) -> None:
+    """Its function is not called, because it loads network protocols."""
+    assert attribute_text({"name": text}) == f" name={quoteattr(text)}"

@@ -1,6 +1,7 @@
 """The energy that soft constraints store, which is not in MuJoCo's `energy`."""
 
 import copy
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import mujoco
@@ -13,6 +14,7 @@ from contactlab.contact.trace_arrays import Floats
 _EVEN, _TWICE = np.polynomial.legendre.leggauss(8)
 # Points and weights of the integral over shares of a violation, from none to all of it.
 _SHARES, _WEIGHTS = (_EVEN[:, None] + 1) / 2, _TWICE / 2
+_WARM_START = int(mujoco.mjtState.mjSTATE_WARMSTART)
 _EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 _LIMIT_JOINT = int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT)
 _LIMIT_TENDON = int(mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON)
@@ -52,24 +54,42 @@ class ConstraintEnergy:
             _LIMIT_JOINT: self._model.jnt_solimp,
             _LIMIT_TENDON: self._model.tendon_solimp_lim,
         }
-        smooth = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-        self._lag = 0.0 if smooth else model.opt.timestep / 2
+        self._by_distance = np.isin(self._model.eq_type, _BY_DISTANCE)
+        self._lags = model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4
 
     def __call__(self, states: Floats) -> Floats:
         """Return (...) energies [J] of states (..., nstate) of mjSTATE_INTEGRATION."""
-        rows = states.reshape(-1, states.shape[-1])
-        energies, counts, found = np.full(len(rows), np.nan), np.zeros(len(rows), int), []
+        return self.after_steps(states, [self._model.opt.timestep])[0]
+
+    def after_steps(self, states: Floats, timesteps: Sequence[float]) -> Floats:
+        """Return (T, ...) energies [J] of states that steps of these T lengths [s] led to.
+
+        States that differ in time or in warm starts only are evaluated once.
+        """
+        rows, lags = states.reshape(-1, states.shape[-1]), [step / 2 for step in timesteps]
+        keys, model = rows.copy(), self._model
+        keys[:, :1] = 0
+        first = mujoco.mj_stateSize(model, (_WARM_START - 1) & INTEGRATION)
+        keys[:, first : first + mujoco.mj_stateSize(model, _WARM_START)] = 0
+        numbers, places = dict[bytes, int](), np.full(len(rows), -1)
+        powers, counts, found = list[float](), list[int](), list[_Violated]()
         with np.errstate(invalid="ignore", over="ignore"):
             for place in np.flatnonzero(np.isfinite(rows).all(axis=1)):
+                number = places[place] = numbers.setdefault(keys[place].tobytes(), len(numbers))
+                if number < len(powers):
+                    continue
                 power, violated = self._evaluate_state(rows[place])
-                energies[place] = self._lag * power
+                powers.append(power)
+                counts.append(0 if violated is None else len(violated.violations))
                 if violated is not None:
-                    counts[place] = len(violated.violations)
                     found.append(violated)
+            energies = np.outer(np.array(lags) * self._lags, [*powers, np.nan])
             if found:
-                of = np.repeat(np.arange(len(rows)), counts)
-                energies += np.bincount(of, self._given_back(found), len(rows))
-        return energies.reshape(states.shape[:-1])
+                of = np.repeat(np.arange(len(powers)), counts)
+                given = self._given_back(found, lags)
+                energies += [np.bincount(of, work, len(powers) + 1) for work in given]
+        # States that are not finite take the last energy, which is NaN.
+        return energies[:, places].reshape(-1, *states.shape[:-1])
 
     def _evaluate_state(self, state: Floats) -> tuple[float, _Violated | None]:
         """Return the power of gravity and springs [W], and which constraints are violated."""
@@ -111,14 +131,14 @@ class ConstraintEnergy:
             return depths, solimp
         # MuJoCo takes the distance of a whole connect or weld for the depth of each of its rows.
         here = (kinds == _EQUALITY).nonzero()[0]
-        here = here[np.isin(model.eq_type[numbers[here]], _BY_DISTANCE)]
+        here = here[self._by_distance[numbers[here]]]
         if here.size:
             squares = np.bincount(numbers[here], violations[here] ** 2)
             depths[here] = np.sqrt(squares[numbers[here]])
         return depths, solimp
 
-    def _given_back(self, found: list[_Violated]) -> Floats:
-        """Return (K,) work of the forces along violations that shrink in proportion [J]."""
+    def _given_back(self, found: list[_Violated], lags: Sequence[float]) -> Iterator[Floats]:
+        """Yield (K,) work of the forces along violations that shrink in proportion [J]."""
         violations, springs, loads, powers, shapes, depths, solimp = map(
             np.concatenate, zip(*found, strict=True)
         )
@@ -126,4 +146,6 @@ class ConstraintEnergy:
         zetas = damping / (2 * np.sqrt(np.maximum(stiffness, np.finfo(float).tiny)))
         rise = impedance_at(_SHARES * depths, solimp) / impedance_at(depths, solimp)
         forces = springs * (_WEIGHTS @ (_SHARES * rise**2)) + loads * (_WEIGHTS @ rise)
-        return restitution_from_damping(zetas) * (self._lag * powers - violations * forces)
+        restitution = restitution_from_damping(zetas)
+        for lag in lags:
+            yield restitution * (lag * self._lags * powers - violations * forces)

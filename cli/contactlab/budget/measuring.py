@@ -50,12 +50,14 @@ from contactlab.modifications.model_predicates import (
 )
 from contactlab.modifications.modification import ModelChange, Row
 from contactlab.modifications.numerics import RUN
+from contactlab.scene.model_edits import has_step_factors
 
 WINDOW = 0.04  # s; docs/theory/error-budget.md compares others
 FINER = 4
 # Steps of RK4 per step of the run; RK4 shows energy that both run and reference lose.
 _RK4_RATE = 2
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
+_DISCRETE = int(getattr(mujoco.mjtIntegrator, "mjINT_DISCRETE", -1))
 
 
 @dataclass(frozen=True)
@@ -318,11 +320,11 @@ class PhaseMeasure:
         found.gained[place] = np.where(
             lost[:, None], 0, self._measure_gained(last[:, 1], end[:, finer])
         )
-        stored = self._measure_stored(windows, "step", windows.own[:, -2:-1])
+        ends = np.concatenate([windows.own[:, -2:-1], fine[:, -2 * finer - 1 :: finer]], axis=1)
+        stored, held = self._measure_stored(windows, ["step", "reference"], ends)
         found.total[place] = energies[:, -2].sum(axis=-1) + stored[:, 1] - stored[:, 0]
         around, path_energy = end_energies[:, ::finer].sum(axis=-1), powers.sum(axis=-1)
-        held = self._measure_stored(windows, "reference", fine[:, -2 * finer - 1 :: finer])
-        around += held[:, 1:] - held[:, :1]
+        around += held[:, 2:] - held[:, :1]
         found.energy[place] = energy_defects(found.total[place], around)
         start, most = path_energy[:, 0] + stored[:, 0], path_energy.max(axis=1)
         found.held[place] = np.stack((start, most), axis=-1)
@@ -331,15 +333,20 @@ class PhaseMeasure:
         found.begin[place] = np.linalg.norm(own[:, 0], axis=-1)
         return {"run": last, "reference": end}, lost
 
-    def _measure_stored(self, windows: Windows, name: str, kept: Floats) -> Floats:
-        """Return (M, 1 + K) what is stored at the beginning, and in states (M, K, kept) [J].
+    def _measure_stored(self, windows: Windows, names: Sequence[str], kept: Floats) -> Floats:
+        """Return (N, M, 1 + K) what is stored at the beginning, and in states (M, K, kept) [J].
 
-        Not by constraints where refsafe gives the run's other springs than the reference has: these
-        would lift what the run's let sink, window by window.
+        N named bases differ in the length of their steps alone. Constraints store nothing where
+        refsafe gives the run's other springs than the reference has: these would lift what the
+        run's let sink, window by window.
         """
-        return self._find_energy_store(name)(
-            windows.states(np.concatenate([windows.own[:, :1], kept], axis=1))
-        )
+        states = windows.states(np.concatenate([windows.own[:, :1], kept], axis=1))
+        # Forces of some models depend on the step.
+        if self._model.opt.integrator == _DISCRETE or has_step_factors(self._model):
+            return np.stack([self._find_energy_store(name)(states) for name in names])
+        rates = [self._settings.finer if name == "reference" else 1 for name in names]
+        timesteps = [self._model.opt.timestep / rate for rate in rates]
+        return self._find_energy_store(names[-1]).after_steps(states, timesteps)
 
     def _measure_gained(self, own: Floats, reference: Floats) -> Floats:
         """Return (M, B) kinetic energies beyond the reference's [J], from (M, B, 6) velocities."""
@@ -376,7 +383,7 @@ class PhaseMeasure:
         """Return (M, 2) energy defects against RK4 [J]; NaN where it gave up."""
         kept, gave_up = windows.roll(self._make_smooth_model(rate), rate)
         around = self._observer(kept[:, ::rate])[1].sum(axis=-1)
-        held = self._measure_stored(windows, "RK4", kept[:, ::rate])
+        (held,) = self._measure_stored(windows, ["RK4"], kept[:, ::rate])
         apart = energy_defects(total, around + held[:, 1:] - held[:, :1])
         return np.where(gave_up[:, None], np.nan, apart)
 

@@ -173,37 +173,50 @@ def _distance_errors(
     native_ccd = int(getattr(mujoco.mjtDisableBit, "mjDSBL_NATIVECCD", 0))
     model.opt.disableflags &= ~native_ccd | base.model.opt.disableflags
     touch = touch_mask(model)
-    collided = (
-        (colliding_geoms(touch, pair), made)
-        for pair, made in zip(base.pairs, trace.pairs, strict=True)
-    )
     fields = np.flatnonzero(np.isin(model.geom_type, _FIELD_SHAPES))
-    monitored = [geoms for geoms in collided if geoms[0] and not np.isin(geoms[0], fields).any()]
+    monitored = [
+        (np.array(geoms), made.slots[run, steps])
+        for pair, made in zip(base.pairs, trace.pairs, strict=True)
+        if (geoms := colliding_geoms(touch, pair)) and not np.isin(geoms, fields).any()
+    ]
+    if not monitored:
+        return overlap, apart
+    slots = [pair_slots for _, pair_slots in monitored]
+    touching = np.array([each[..., FOUND].any(axis=1) for each in slots])
+    # Contacts in a gap zone carry nothing, whatever their distance.
+    bearing = np.array([(each[..., FORCE.start] > 0).any(axis=1) for each in slots])
+    bearing &= not speculative
+    every = np.concatenate([geoms for geoms, _ in monitored])
+    begins = np.cumsum([0, *(len(geoms) for geoms, _ in monitored)])
+    radii = model.geom_rbound[every]
+    reach = np.where(radii.all(axis=1), radii.sum(axis=1), np.inf) ** 2
     for sample, step in enumerate(steps):
         data.qpos[:] = trace.qpos[run, step]
         mujoco.mj_kinematics(model, data)
-        for geoms, recorded in monitored:
-            slots = recorded.slots[run, step]
-            near = geoms
-            if not slots[:, FOUND].any():
-                near = [geom for geom in geoms if _spheres_meet(model, data, *geom)]
-                if not near:
-                    continue
+        between = data.geom_xpos[every[:, 0]] - data.geom_xpos[every[:, 1]]
+        gaps = np.einsum("ij,ij->i", between, between) - reach
+        near = np.minimum.reduceat(gaps, begins[:-1]) <= 0
+        touches = touching[:, sample]
+        for pair in np.flatnonzero(np.where(touches, bearing[:, sample], near)).tolist():
+            geoms, gap = monitored[pair][0], gaps[begins[pair] : begins[pair + 1]]
+            order = np.argsort(gap, kind="stable")
             # This function shares no code with contacts.
-            distance = min(mujoco.mj_geomDistance(model, data, *geom, 1, None) for geom in near)
-            # Contacts in a gap zone carry nothing, whatever their distance.
-            carrying = slots[:, FORCE.start] > 0
-            if not slots[:, FOUND].any():
-                overlap[sample] = max(overlap[sample], -distance)
-            elif distance > 0 and carrying.any() and not speculative:
-                apart[sample] = max(apart[sample], distance - slots[carrying, DISTANCE].min())
+            distances = (
+                mujoco.mj_geomDistance(model, data, first, second, 1, None)
+                for first, second in geoms[order if touches[pair] else gap <= 0].tolist()
+            )
+            if not touches[pair]:
+                overlap[sample] = max(overlap[sample], -min(distances))
+                continue
+            # One overlap explains the contact; geoms that are near come first.
+            least = 1.0
+            while least > 0 and (distance := next(distances, None)) is not None:
+                least = min(least, distance)
+            if least > 0:
+                recorded = slots[pair][sample]
+                recorded = recorded[recorded[:, FORCE.start] > 0, DISTANCE].min()
+                apart[sample] = max(apart[sample], least - recorded)
     return overlap, apart
-
-
-def _spheres_meet(model: mujoco.MjModel, data: mujoco.MjData, first: int, second: int) -> bool:
-    one, other = model.geom_rbound[first], model.geom_rbound[second]
-    apart = data.geom_xpos[first] - data.geom_xpos[second]
-    return not (one and other) or float(apart @ apart) <= (one + other) ** 2
 
 
 def _squeeze_forces(base: CompiledScene, model: mujoco.MjModel, qpos: Floats) -> Floats:

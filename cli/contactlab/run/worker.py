@@ -294,14 +294,15 @@ class Worker:
 
         Some of the latter are missing if the second pass is cut short.
         """
-        assessment, rule = self._assess_runs(trace, setup), self._task.sweep.checks
+        rule, suspects = self._task.sweep.checks, list(range(trace.runs))
         engine = engine_of(runs.resolved[0])
-        every = rule in ("all", "verdict")
-        asked = np.full(trace.runs, every) | (assessment.suspect & (rule == "flagged"))
         able = isinstance(engine, ChecksRuns)
-        suspects: list[int] = np.flatnonzero(asked).tolist() if able else []
-        others = sorted(set(range(trace.runs)) - set(suspects))
-        yield MeasuredGroup({whole[row]: row for row in others}, trace, assessment)
+        if not (able and rule in ("all", "verdict")):
+            assessment = self._assess_runs(trace, setup)
+            suspects = [row for row in suspects if rule == "flagged" and assessment.suspect[row]]
+            suspects = suspects if able else []
+            others = sorted(set(range(trace.runs)) - set(suspects))
+            yield MeasuredGroup({whole[row]: row for row in others}, trace, assessment)
         if suspects and able:
             picked, chosen = trace.select(suspects), [whole[row] for row in suspects]
             controls = rollout.controls and [rollout.controls[row] for row in chosen]

@@ -194,7 +194,7 @@ def write_settings(
             flags[name] = bool(value)
         if name in OPTIONS:
             write_option(model, name, value)
-            derived |= name == "timestep" and _has_step_factors(model)
+            derived |= name == "timestep" and has_step_factors(model)
         elif name in CONTACT:
             for field, row in _setting_rows(name, value).items():
                 getattr(model, field)[targets.rows_of_targets(field)] = row
@@ -230,12 +230,12 @@ def derive_fields(model: mujoco.MjModel) -> None:
 def set_timestep(model: mujoco.MjModel, timestep: float) -> None:
     """Write a timestep [s] into a model, with the factors that depend on it."""
     model.opt.timestep = timestep
-    if _has_step_factors(model):
+    if has_step_factors(model):
         derive_fields(model)
 
 
-def _has_step_factors(model: mujoco.MjModel) -> bool:
-    # MuJoCo integrates elastic flexes implicitly with these factors since 4.0.
+def has_step_factors(model: mujoco.MjModel) -> bool:
+    """Return whether a compiled model depends on its step, as elastic flexes do since 4.0."""
     return getattr(model, "nefm0L", 0) > 0
 
 

@@ -49,9 +49,17 @@ def mjcf_text(value: object) -> str:
 
 def attribute_text(values: Mapping[str, str]) -> str:
     """Return attributes as written in an element, each preceded by a space."""
-    from xml.sax.saxutils import quoteattr  # noqa: PLC0415 - loads network protocols
-
-    return "".join(f" {name}={quoteattr(value)}" for name, value in values.items())
+    # `xml.sax.saxutils` has a function for this, but loads network protocols.
+    replaced = str.maketrans(
+        {"&": "&amp;", "<": "&lt;", ">": "&gt;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
+    )
+    found = ""
+    for name, value in values.items():
+        text, quote = value.translate(replaced), '"'
+        if '"' in text:
+            quote, text = ("'", text) if "'" not in text else ('"', text.replace('"', "&quot;"))
+        found += f" {name}={quote}{text}{quote}"
+    return found
 
 
 def line_of(data: bytes, place: int) -> int:

@@ -317,7 +317,7 @@ def find_filled_meshes(linted: LintedModel) -> Iterator[Fault]:
     solid = (model.geom_type == _MESH) & ((model.geom_contype != 0) | (model.geom_conaffinity != 0))
     ratios = dict[int, float]()
     most_filled = 1.5  # a larger volume of a hull over that of its mesh is another shape
-    for mesh in np.unique(model.geom_dataid[solid]).tolist():
+    for mesh in sorted({*model.geom_dataid[solid].tolist()}):  # `np.unique` loads numpy.ma
         volume, hull = _closed_volume(model, mesh), hull_volume(model, mesh)
         if volume > 0 and hull > most_filled * volume:
             ratios[mesh] = hull / volume
