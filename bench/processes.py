@@ -4,7 +4,7 @@ import ctypes
 import os
 import resource
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 
 _SET_CHILD_SUBREAPER = 36
@@ -21,18 +21,18 @@ def adopt_orphans() -> None:
         raise OSError(ctypes.get_errno(), "prctl")
 
 
-def cpu_of(command: Sequence[str]) -> float:
+def cpu_of(command: Sequence[str], expected: Collection[int] = (0,)) -> float:
     """Return the CPU time, user and system, of a command and of everything it started [s].
 
     It may write bytecode, as what is installed has it.
 
     Raises:
-        RuntimeError: the command failed.
+        RuntimeError: the command has another exit code than the expected ones.
     """
     before = _spent()
     others = {name: value for name, value in os.environ.items() if name != _NO_BYTECODE}
     done = subprocess.run(command, env=others, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
+    if done.returncode not in expected:
         raise RuntimeError(f"{' '.join(command)} failed:\n{done.stdout}{done.stderr}")
     with suppress(ChildProcessError):
         while True:

@@ -99,12 +99,14 @@ class _RequiredStretch:
         mode first lasts, or after it last did.
         """
         series = self.context.net.series.mode[row, self.run]
-        other = long_stretches(self.inside & (series == STICK + SLIDE - mode), self.width)
-        good = np.flatnonzero(other).tolist()
-        first, last = (good[0], good[-1]) if good else (None, None)
-        part = {"first": slice(first), "last": slice(last, None), "": slice(None)}
-        part_slice, where = part[self.expected.end or ""], np.zeros_like(self.inside)
-        where[part_slice] = (self.inside & (series == mode))[part_slice]
+        where = self.inside & (series == mode)
+        if self.expected.end:
+            other = long_stretches(self.inside & (series == STICK + SLIDE - mode), self.width)
+            good = np.flatnonzero(other).tolist()
+            if good and self.expected.end == "first":
+                where[good[0] :] = False
+            elif good:
+                where[: good[-1]] = False
         return where
 
     @cached_property

@@ -1,0 +1,66 @@
+"""CPU time of whole commands, interleaved with another checkout's.
+
+Run: python -m bench.commands [--rounds 9] [--tree CHECKOUT] [MODEL]
+
+MODEL is what `lint` reads, otherwise a shipped scene. CHECKOUT is the root of another commit,
+whose package must run with what is installed here. Shown are medians of CPU time, user and system,
+of each command with all processes that it starts, with least and most, and the median of the
+rounds' ratios to the other checkout.
+"""
+
+import argparse
+import os
+import sys
+import tempfile
+from pathlib import Path
+from statistics import median
+
+from bench.processes import adopt_orphans, cpu_of
+
+HERE = Path(__file__).parents[1]
+
+
+def command_seconds(tree: Path, words: list[str]) -> float:
+    """Return the CPU time of a command of a checkout [s]."""
+    os.environ["PYTHONPATH"] = str(tree / "cli")
+    # A model with mistakes, or a sweep that misses its expectations, ends with 1.
+    return cpu_of([sys.executable, "-m", "contactlab", *words], expected=(0, 1))
+
+
+def main() -> None:
+    """Print a line for each command."""
+    options = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    options.add_argument("--rounds", type=int, default=9)
+    options.add_argument("--tree", type=Path)
+    options.add_argument("model", nargs="?", default="grasp_mug")
+    asked = options.parse_args()
+    trees = [HERE, *([asked.tree] if asked.tree else [])]
+    adopt_orphans()
+    with tempfile.TemporaryDirectory(prefix="contactlab-bench-") as name:
+        store = str(Path(name) / "shown")
+        command_seconds(HERE, ["sweep", "bounce", "-o", store])
+        number = 0
+        for label in ("--help", "lint", "show", "sweep bounce"):
+            rounds = list[list[float]]()
+            for _ in range(asked.rounds):
+                number += 1
+                words = {
+                    "lint": ["lint", asked.model],
+                    "show": ["show", store],
+                    "sweep bounce": ["sweep", "bounce", "-o"],
+                }.get(label, [label])
+                taken = list[float]()
+                for place, tree in enumerate(trees):
+                    own = [str(Path(name) / f"{number}-{place}")] if words[-1] == "-o" else []
+                    taken.append(command_seconds(tree, [*words, *own]))
+                rounds.append(taken)
+            own = sorted(each[0] for each in rounds)
+            line = f"{label:14}{median(own):7.3f} s ({own[0]:.3f}..{own[-1]:.3f})"
+            if asked.tree:
+                ratios = sorted(each[0] / each[1] for each in rounds)
+                line += f"  ratio {median(ratios):.2f} ({ratios[0]:.2f}..{ratios[-1]:.2f})"
+            print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()
