@@ -63,6 +63,28 @@ def test_a_change_that_shows_early_is_found_in_the_first_steps(
     assert sum(made) == steps, "those of the known motion are not run again"
 
 
+def test_a_change_that_shows_at_a_contact_is_found_soon_after_it(
+    falling: Motion, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The ball lands after 63 of 600 steps."""
+    made = list[int]()
+
+    def count_steps(motion: Motion, workers: int) -> Floats:
+        made.append(motion.steps)
+        return whole(motion, workers)
+
+    whole = stress.visit_states
+    monkeypatch.setattr(stress, "visit_states", count_steps)
+    longer = replace(falling, inputs=np.empty((1, 600, 0)))
+    changed = mujoco.MjModel.from_xml_string(BALL)
+    changed.opt.impratio = 2.0
+    changed.geom_solref[:] = 0.1, 1.0
+    states = KnownStates([longer], 1)
+    assert not states.match_models([changed])
+    assert made == [20, 20, 100, 100]
+    assert states.match_models([longer.model])
+
+
 def test_positions_are_those_before_each_step(falling: Motion) -> None:
     (positions,) = KnownStates([falling], 1).list_positions()
     fallen = 2 - 9.81 * 1e-4 * np.arange(40) * (np.arange(40) + 1) / 2

@@ -4,7 +4,7 @@ import itertools
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import mujoco
@@ -371,10 +371,12 @@ def test_an_integrator_that_moves_like_a_cheaper_one_has_no_ladder() -> None:
 
 @dataclass
 class GeomCosts:
-    """Costs of a model in which each geom of condim 3 saves a percent of the work."""
+    """Costs of a model in which each geom of condim 3 saves a share of the work."""
+
+    saving: float = 0.01
 
     def count_cost(self, model: mujoco.MjModel, multiple: int) -> float:
-        return FINER / multiple * (1 - 0.01 * float((model.geom_condim == 3).sum()))
+        return FINER / multiple * (1 - self.saving * float((model.geom_condim == 3).sum()))
 
 
 @pytest.mark.parametrize("count", [10, 40])
@@ -392,3 +394,45 @@ def test_geoms_that_save_work_only_together_stay_together(count: int) -> None:
     best = search.rank_candidates(bound)[0]
     assert best.cost <= (1 - 0.01 * count) / SAVING
     assert measure.asked < 20
+
+
+def test_few_of_many_geoms_that_save_too_little_are_not_tried_alone() -> None:
+    """Twelve of a hundred geoms save 1.2 %, and all of them together miss the limit."""
+    geoms = "".join(f'<geom name="g{each}" size=".1" condim="4"/>' for each in range(100))
+    body = f"<body><freejoint/>{geoms}</body>"
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+
+    @dataclass
+    class Rough(Ideal):
+        def estimate_error(self, model: mujoco.MjModel, multiple: int) -> ErrorEstimate:
+            found = super().estimate_error(model, multiple)
+            return replace(found, error=float((model.geom_condim == 3).mean()))
+
+    parameter = Parameter("geom_condim", [{f"geom_condim[g{each}]": 3 for each in range(100)}])
+    space = SearchSpace({AS_WRITTEN: model}, AS_WRITTEN, FINER, (FINER,), [parameter], ["Euler"])
+    measure, costs = Rough(1e-3), GeomCosts(1e-3)
+    Search(space, measure, costs, (Bound.of(0.05),), None, 1e6, lambda: False).run_search()
+    assert measure.asked < 5
+
+
+@pytest.mark.parametrize(("work", "is_tried"), [(60.0, False), (1e6, True)])
+def test_sleep_is_tried_after_the_ladders_if_work_allows(work: float, *, is_tried: bool) -> None:
+    class Asleep(Costs):
+        def count_cost(self, model: mujoco.MjModel, multiple: int) -> float:
+            sleeps = model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+            return super().count_cost(model, multiple) * (0.5 if sleeps else 1.0)
+
+    space = SearchSpace(
+        {AS_WRITTEN: MODEL}, AS_WRITTEN, FINER, STEPS, [], ["Euler"], may_sleep=True
+    )
+    search = Search(
+        space, Ideal(1e-3), Asleep(), (Bound.of(0.05),), None, work, lambda: False,
+        front_limit=0.1, front_work=work, sleep_work=1e4,
+    )  # fmt: skip
+    search.run_search()
+    measured = [one.configuration for one in search.evaluations.values() if one.error]
+    slept = [place for place, one in enumerate(measured) if one.settings.get("sleep")]
+    finer = [place for place, one in enumerate(measured) if one.multiple == STEPS[0]]
+    assert bool(slept) is is_tried
+    assert not slept or min(finer) < min(slept)
+    assert is_tried or search.work_done < 2 * work

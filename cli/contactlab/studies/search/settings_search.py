@@ -323,7 +323,7 @@ class Search:
                 return
             for point, made in new:
                 crossed.add(made.key)
-                if self._saves_work(made, point.configuration):
+                if self._saves_work(made, point.configuration) and self._can_afford(made):
                     self._evaluate_choice(made)
 
     @staticmethod
@@ -487,15 +487,22 @@ class Search:
 
     def _evaluate_choice(self, choice: Configuration) -> Evaluation:
         entry = self._evaluation_of(choice)
-        cost = self._cost_of(choice)
+        self._cost_of(choice)
         if entry.error is None:
             self._check_limits()
             found = self.estimator.estimate_error(self.space.model_of(choice), choice.multiple)
             entry.error = found
-            passes = self.sleep_work if choice.settings.get("sleep") else 1.0
-            self.work_done += passes * (cost if math.isfinite(cost) else 1.0)
+            self.work_done += self._count_work(choice)
             finish_step(self._progress, self.work_done - self._progress.finished_steps)
         return entry
+
+    def _count_work(self, choice: Configuration) -> float:
+        cost = self._cost_of(choice)
+        passes = self.sleep_work if choice.settings.get("sleep") else 1.0
+        return passes * (cost if math.isfinite(cost) else 1.0)
+
+    def _can_afford(self, choice: Configuration) -> bool:
+        return self.work_done + self._count_work(choice) <= self._work_limit
 
     def _error_of(self, choice: Configuration) -> float:
         return error_of(self._evaluate_choice(choice))
@@ -754,7 +761,7 @@ class Search:
         if not self.space.may_sleep or not self._is_within_bound(base):
             return
         asleep = base.with_settings(SLEEP_SETTINGS)
-        if self._saves_work(asleep, base):
+        if self._saves_work(asleep, base) and self._can_afford(asleep):
             self._is_within_bound(asleep)
 
     def _search_accuracy(self, base: Configuration) -> None:
