@@ -65,11 +65,14 @@ def test_less_squeeze_is_part_of_each_fix_of_a_deep_grip(tmp_path: Path) -> None
     assert report.verdict != "holds"
     assert report.fixes[0].verdict == "holds"
     assert all("times the squeeze" in fix.name for fix in report.fixes)
-    assert not any(fix.lines for fix in report.fixes)
-    # A squeeze of a quarter holds with noslip in plain MuJoCo, with the fingers outside.
-    model = mujoco.MjModel.from_xml_string(JAWS.format(kp=20000))
-    model.opt.noslip_iterations, model.actuator_forcelimited[:] = 3, 1
-    model.actuator_forcerange[:] = [-25, 25]
+    fix = report.fixes[0]
+    assert fix.options == {"noslip_iterations": 3}
+    written = " ".join(f"{control}" for control in fix.keyframe_controls)
+    assert any(f'ctrl="{written}"' in line for line in fix.lines)
+    # The written keyframe holds in plain MuJoCo, with the fingers outside.
+    text = JAWS.format(kp=20000).replace('ctrl=".05 .05"', f'ctrl="{written}"')
+    model = mujoco.MjModel.from_xml_string(text)
+    model.opt.noslip_iterations = 3
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_step(model, data, 1000)

@@ -88,6 +88,9 @@ class GripFix(Model):
 
     name: str
     options: dict[str, Setting] = about("The changed settings; none for a control.")
+    keyframe_controls: tuple[float, ...] = about(
+        "New `ctrl` of the keyframe, which squeezes less; empty if unchanged.", default=()
+    )
     speed: FiniteOrNull = about("Speed in the worst direction; null if it is lost.", unit="m/s")
     verdict: GripVerdict
     worse: bool = about("Whether the object moves faster than as written.")

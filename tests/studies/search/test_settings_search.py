@@ -301,7 +301,7 @@ def test_a_choice_says_what_it_changes() -> None:
     assert MODEL.geom_condim[0] == 6
     assert changed_settings(choice.settings, made) == {}
     assert changed_settings({"cone": "elliptic", "iterations": 100}, MODEL) == {"cone": "elliptic"}
-    assert format_settings(choice.settings) == "cone elliptic, island off, geom_condim 3 of 1"
+    assert format_settings(choice.settings) == "cone elliptic, island off, geom_condim 3 of 1 geom"
     assert math.isclose(choice.with_step(5).multiple, 5)
 
 

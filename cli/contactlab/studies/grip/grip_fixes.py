@@ -123,7 +123,7 @@ class TestedFix:
         drifts: drifts with it.
         deep: depth over half of the object's width.
         time_ratio: its time over that as written; None for a control.
-        squeezes_less: whether it needs less force of the fingers.
+        controls: of a part that is less squeeze; empty if controls are as written.
         cost: counted time over that as written, which ranks fixes; infinite for a control.
     """
 
@@ -133,7 +133,7 @@ class TestedFix:
     drifts: tuple[Drift, ...]
     deep: float
     time_ratio: TimeRatio | None
-    squeezes_less: bool = False
+    controls: tuple[float, ...] = ()
     cost: float = math.inf
 
     def verdict(self, within: float) -> GripVerdict:
@@ -147,11 +147,12 @@ def run_fixes(grip: Grip, within: float) -> list[TestedFix]:
     If the fingers are deep in the object, less squeeze is part of each fix.
     """
     changed, found, less = dict[str, mujoco.MjModel](), list[TestedFix](), ""
+    controls: tuple[float, ...] = ()
     if grip.depth_share > MOST_DEPTH:
         for eased in _ease_squeeze(grip):
             grip, fix = eased
             found.append(fix)
-            less = f"{fix.name} and "
+            less, controls = f"{fix.name} and ", fix.controls
             if fix.deep <= MOST_DEPTH:
                 break
     model, geoms = grip.fixture.model, grip.squeeze.geoms
@@ -167,7 +168,7 @@ def run_fixes(grip: Grip, within: float) -> list[TestedFix]:
             changed[name] = other
             tried = grip.with_model(other)
             drifts, deep = tried.measure_drifts(), tried.depth_share
-            fix = TestedFix(name, candidate.against, settings, drifts, deep, None, bool(less))
+            fix = TestedFix(name, candidate.against, settings, drifts, deep, None, controls)
             found.append(fix)
 
     # Time ratios are measured; counted costs are exact, and rank the fixes.
@@ -186,7 +187,7 @@ def run_fixes(grip: Grip, within: float) -> list[TestedFix]:
     timed = {name: (lambda other=other: other, 1) for name, other in changed.items()}
     ratios = measure_time_ratios(motion, replay(motion, window_seconds, 1), timed)
     found = [
-        replace(each, time_ratio=ratios.get(each.name), cost=costs.get(each.name, math.inf))
+        replace(each, time_ratio=ratios.get(each.name), cost=costs.get(each.name, each.cost))
         for each in found
     ]
     if not less and (more := double_squeeze(grip)) is not None:
@@ -199,7 +200,7 @@ def run_fixes(grip: Grip, within: float) -> list[TestedFix]:
 
 
 def _ease_squeeze(grip: Grip) -> Iterator[tuple[Grip, TestedFix]]:
-    # Each grip is closed again with less squeeze.
+    # Each grip is closed again with less squeeze, by controls with digits that a person writes.
     own = sum(grip.closed_again(grip.squeeze.control).squeeze.forces)
     ends = control_ranges(grip.fixture.model)
     opened = (
@@ -216,10 +217,13 @@ def _ease_squeeze(grip: Grip) -> Iterator[tuple[Grip, TestedFix]]:
             )
             more = sum(tried.squeeze.forces) > share * own
             low, high = (middle, high) if more else (low, middle)
-        tried = grip.closed_again(grip.squeeze.control + low * (opened - grip.squeeze.control))
+        control = grip.squeeze.control + low * (opened - grip.squeeze.control)
+        controls = tuple(float(f"{value:.4g}") for value in control)
+        tried = grip.closed_again(np.array(controls))
         left, deep = sum(tried.squeeze.forces) / own, tried.depth_share
         name = f"{left:.2g} times the squeeze"
-        yield tried, TestedFix(name, "penetration", {}, tried.measure_drifts(), deep, None, True)
+        drifts = tried.measure_drifts()
+        yield tried, TestedFix(name, "penetration", {}, drifts, deep, None, controls, cost=1.0)
 
 
 def changed_settings(

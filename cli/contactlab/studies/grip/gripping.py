@@ -1,7 +1,7 @@
 """Judges a grip: finds the fingers, closes them on an object, loads it, and tests fixes."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -393,13 +393,14 @@ def _fix_rows(
             is_solref = all(name.startswith("geom_solref") for name in each.options)
             reason = "its motion is that of the model as written, to the bit"
             reason += "; refsafe keeps time constants at twice the timestep" if is_solref else ""
-        elif each.squeezes_less:
-            reason = "limit the force of the actuators first, for example by forcerange"
-        elif word == "holds" and each.options and len(made) < MOST_FIXES:
+        elif each.controls and not request.keyframe:
+            reason = "the file has no command to close: command less, or limit the force of the "
+            reason += "actuators by forcerange"
+        elif word == "holds" and (each.options or each.controls) and len(made) < MOST_FIXES:
             try:
                 scene = scenes.open(request.model).with_effects("all")
                 with temporary_folder() as folder:
-                    edits = ModelEdits(each.options)
+                    edits = edit_grip(request.keyframe, each.options, each.controls)
                     lines = write_model(scene, edits, Path(folder) / "changed").lines
             except SceneError as error:
                 reason = str(error).splitlines()[0]
@@ -408,6 +409,7 @@ def _fix_rows(
             GripFix(
                 name=each.name,
                 options=dict(each.options),  # pyright: ignore[reportArgumentType] - settings
+                keyframe_controls=each.controls if request.keyframe else (),
                 speed=left,
                 verdict=word,
                 worse=left > worse_speeds * speed,
@@ -417,6 +419,14 @@ def _fix_rows(
             )
         )
     return tuple(made)
+
+
+def edit_grip(
+    keyframe: str | None, options: Mapping[str, object], controls: tuple[float, ...]
+) -> ModelEdits:
+    """Return the edits of a fix: its settings, and the controls of the keyframe if they change."""
+    steered = ((keyframe, controls),) if keyframe and controls else ()
+    return ModelEdits(options, steered=steered)
 
 
 def _grip_sentence(

@@ -6,8 +6,10 @@ from dataclasses import dataclass, field, replace
 
 import mujoco
 
+from contactlab.judge.wording import plural
 from contactlab.modifications.modification import ReductionName
 from contactlab.scene.model_edits import (
+    FIELD_KINDS,
     FLAG_NAMES,
     EditTargets,
     is_as_written,
@@ -103,4 +105,7 @@ def list_settings(settings: Mapping[str, object]) -> list[str]:
         if "[" in name:
             key = name.partition("[")[0], str(axis_cell(value))
             fields[key] = fields.get(key, 0) + 1
-    return [*parts, *(f"{name} {value} of {count}" for (name, value), count in fields.items())]
+    for (name, value), count in fields.items():
+        kind = FIELD_KINDS[name.partition("_")[0]]
+        parts.append(f"{name} {value} of {plural(count, kind)}")
+    return parts

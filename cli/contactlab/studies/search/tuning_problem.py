@@ -189,6 +189,8 @@ class TuningProblem:
         self._shorten_motions()
         self.reference_integrator: str | None = None
         self.reference = self._converged_reference()
+        self.verified_seeds = min(self.seeds, self.verified_seeds)
+        self._note_verification()
         self.cost.fine_step = self.reference.step
         self.steps = self._usable_steps(self.reference.substeps)
         self.models: dict[Reductions, mujoco.MjModel] = {}
@@ -313,18 +315,20 @@ class TuningProblem:
             ]
             reason = f"runs of {share * whole:.2g} s for {whole:g} s; --max-time allows no more"
             self._skip_part("length", reason)
-        if self.verified_seeds < seeds or self.verified_share < 1:
-            reasons = list[str]()
-            if self.verified_seeds < seeds:
-                reasons.append(f"{plural(self.verified_seeds, 'seed')} for {seeds}")
-            if self.verified_share < 1:
-                length = self.verified_share * self.verified_task.duration
-                reasons.append(f"runs of {length:.2g} s for {self.verified_task.duration:g} s")
-            reason = f"it compared {' and '.join(reasons)}; --max-time allows no more"
-            self._skip_part("verification", reason)
         allowed = _RULES.count_share * self.work / _RULES.search_passes
         samples = int(allowed / (self.cost.sample_seconds * len(self.motions)))
         self.cost = CountedCost(self.motions, self.model, self.threads, samples)
+
+    def _note_verification(self) -> None:
+        whole, reasons = self.examined.task, list[str]()
+        if self.verified_seeds < len(whole.seeds):
+            reasons.append(f"{plural(self.verified_seeds, 'seed')} for {len(whole.seeds)}")
+        if self.verified_share < 1:
+            length = self.verified_task.duration
+            reasons.append(f"runs of {length:.2g} s for {whole.duration:g} s")
+        if reasons:
+            reason = f"it compared {' and '.join(reasons)}; --max-time allows no more"
+            self._skip_part("verification", reason)
 
     @property
     def search_passes(self) -> float:

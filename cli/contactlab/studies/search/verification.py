@@ -501,7 +501,7 @@ class CandidateVerifier:
                 changed=changed,
                 allowed_error=self._limit_of(goal) if goal.allows_error else 0.0,
                 stop_early=True,
-                most_seeds=min(self._problem.seeds, self._problem.verified_seeds),
+                most_seeds=self._problem.verified_seeds,
                 length_share=self._problem.verified_share,
                 runs=self._problem.original_runs,
                 find_time_left=lambda: self._time_limit.remaining,

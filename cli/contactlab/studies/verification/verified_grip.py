@@ -5,12 +5,11 @@ from pathlib import Path
 
 from contactlab.errors import EngineError, SceneError
 from contactlab.run.sweep_request import SceneLoader
-from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import write_model
 from contactlab.schema.grip import GripFix, GripReport
 from contactlab.schema.verification import VerifiedChange
 from contactlab.step_progress import count_steps
-from contactlab.studies.grip.gripping import GripRequest, judge_grip
+from contactlab.studies.grip.gripping import GripRequest, edit_grip, judge_grip
 from contactlab.studies.verification.panel import OriginalRuns, VerificationRequest, verify_change
 from contactlab.tasks.checked_model import open_changed_model, open_model
 from contactlab.tasks.session import Session
@@ -55,10 +54,20 @@ def _recommend_fix(report: GripReport, fixes: Sequence[GripFix], reason: str) ->
 
 
 def _verify_fix(request: GripRequest, fix: GripFix, runs: OriginalRuns) -> VerifiedChange:
+    # Other controls begin another motion, so settings are first verified with the original's.
+    found: VerifiedChange | None = None
+    if fix.keyframe_controls and fix.options:
+        settings = fix.model_copy(update={"keyframe_controls": ()})
+        found = _verify_edits(request, settings, runs)
+    return found if found and not found.passed else _verify_edits(request, fix, runs)
+
+
+def _verify_edits(request: GripRequest, fix: GripFix, runs: OriginalRuns) -> VerifiedChange:
     with temporary_folder() as folder:
         session = Session(Path(folder) / "results")
         scene = SceneLoader(Path()).open(request.model).with_effects("all")
-        written = write_model(scene, ModelEdits(dict(fix.options)), Path(folder) / "changed")
+        edits = edit_grip(request.keyframe, fix.options, fix.keyframe_controls)
+        written = write_model(scene, edits, Path(folder) / "changed")
         original = open_model(request.model, session)
         changed = open_changed_model(written.reference, session)
         asked = VerificationRequest(
@@ -66,6 +75,7 @@ def _verify_fix(request: GripRequest, fix: GripFix, runs: OriginalRuns) -> Verif
             changed=changed,
             same_model=False,
             keeps_motion=False,
+            keeps_start=not fix.keyframe_controls,
             stop_early=True,
             with_labels=False,
             runs=runs,
