@@ -141,7 +141,9 @@ class Clock:
         self._segment_count, self._segment_seconds = _LIMITS.most_count // 2, _LIMITS.least_seconds
         self.base_seconds = self._timed_model(self._written, reference.substeps).measure_cost()
         """Time of the model as written over simulated time."""
-        wanted = TURN_SECONDS / self.base_seconds / len(reference.phases)
+        # Counted time, so that a busy machine times the same segments, and plans the same rounds.
+        self._counted_seconds = self._count_seconds(self._written, reference.substeps)
+        wanted = TURN_SECONDS / self._counted_seconds / len(reference.phases)
         self._segment_count = max(
             _LIMITS.least_count,
             min(_LIMITS.most_count, math.ceil(wanted / _LIMITS.most_seconds)),
@@ -152,9 +154,9 @@ class Clock:
 
     @property
     def turn_seconds(self) -> float:
-        """CPU time of a turn of the model as written [s]."""
+        """Counted time of a turn of the model as written [s]."""
         phases = len(self._reference.phases)
-        return phases * self._segment_count * self._segment_seconds * self.base_seconds
+        return phases * self._segment_count * self._segment_seconds * self._counted_seconds
 
     def time_ratios(
         self, models: Sequence[ModelAtStep], protocol: TimingProtocol = _SEGMENT_PROTOCOL
@@ -170,8 +172,7 @@ class Clock:
 
         It is the same under any load. A model that MuJoCo refuses has infinite work.
         """
-        own = self._count_seconds(self._written, self._reference.substeps)
-        return [self._count_seconds(*each) / own for each in models]
+        return [self._count_seconds(*each) / self._counted_seconds for each in models]
 
     def _count_seconds(self, model: mujoco.MjModel, multiple: int) -> float:
         made = self._with_step(model, multiple)

@@ -228,8 +228,10 @@ class EffectsStudy:
         if shown and self._allowed.remaining > 0:
             models = [(change_model(self.base, one.part.change), 1) for one in shown]
             few_rounds = TimingProtocol(rounds=2, looks=1)  # for parts that stay in any case
-            for one, ratio in zip(shown, self.clock.time_ratios(models, few_rounds), strict=True):
-                one.ratio = ratio
+            ratios = self.clock.time_ratios(models, few_rounds)
+            costs = self.clock.count_costs(models)
+            for one, ratio, cost in zip(shown, ratios, costs, strict=True):
+                one.ratio, one.cost = ratio, cost
 
     def _measure_errors(self, parts: Sequence[MeasuredPart], share: float) -> None:
         for one in count_steps(parts, "parts", len(parts)):
@@ -267,8 +269,8 @@ def _plan_work(motions: Sequence[Motion], max_time: float) -> tuple[list[Motion]
 
 
 def _rank_part(one: MeasuredPart, tolerance: float) -> tuple[bool, float]:
-    ratio = 1.0 if one.ratio is None else one.ratio.ratio
-    return one.find_verdict(tolerance) in ("not exercised", "not measured"), ratio
+    # Measured times would order rows by chance.
+    return one.find_verdict(tolerance) in ("not exercised", "not measured"), one.cost
 
 
 def _describe_part(one: MeasuredPart, tolerance: float) -> PartEffect:
