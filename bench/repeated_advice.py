@@ -28,13 +28,15 @@ class Protocol:
     Attributes:
         loops: busy loops next to the second run.
         busy_seconds: after which a busy loop ends in any case.
+        search_time: limit of a search: short, and long enough that only counted work ends it.
         times: keys of reports whose values are measured times, or depend on them.
     """
 
     loops: int = 4
     busy_seconds: float = 1800.0
+    search_time: str = "40s"
     times: re.Pattern[str] = re.compile(
-        r"(^|_)(seconds|time_ratio|ratio_interval|real_time|speed|cpu|wall|created|date)(_|$)"
+        r"(^|_)(seconds|time_ratio|noise_floor|real_time|speed|cpu|wall|created|date)(_|$)"
     )
 
 
@@ -43,14 +45,14 @@ PROTOCOL = Protocol()
 
 def list_commands(model: str, folder: Path) -> dict[str, list[str]]:
     """Return the words of each command that recommends, without the number of workers."""
-    name = Path(model).name
+    name, limit = Path(model).name, ["--max-time", PROTOCOL.search_time]
     return {
         "lint": ["lint", model, "--format", "json"],
         "examine": ["examine", model, "-o", str(folder / "examine"), "--write",
                     str(folder / "fixed" / name)],
-        "tune": ["tune", model, "-o", str(folder / "tune")],
+        "tune": ["tune", model, "-o", str(folder / "tune"), *limit],
         "effects": ["effects", model, "-o", str(folder / "effects"), "--write",
-                    str(folder / "smaller" / name)],
+                    str(folder / "smaller" / name), *limit],
         "grip": ["grip", model, "-o", str(folder / "grip.json")],
     }  # fmt: skip
 
@@ -89,14 +91,16 @@ def list_values(value: Json, place: str) -> Iterator[tuple[str, str]]:
             yield from list_values(entry, f"{place}[{number}]")
     else:
         # A sentence has measured ratios and speeds, such as "x0.91 (0.90 to 0.92) time".
-        yield place, re.sub(r"x[\d.]+ (\([^)]*\) )?time|[\d.]+x real time", "", str(value))
+        times = r"x[\d.]+ (\([^)]*\) )?(of the )?time|[\d.]+x real time"
+        yield place, re.sub(times, "", str(value))
 
 
 def read_run(folder: Path) -> dict[str, str]:
     """Return the compared contents of a run, by file and place in it."""
     found = dict[str, str]()
     for path in sorted(folder.rglob("*")):
-        if path.is_file() and path.suffix in _COMPARED:
+        # The manifest of a store has the time of its runs, and hashes of files that have it.
+        if path.is_file() and path.suffix in _COMPARED and path.name != "manifest.json":
             place = str(path.relative_to(folder))
             text = path.read_text().replace(str(folder), "FOLDER")
             if path.suffix == ".json":

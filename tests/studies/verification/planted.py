@@ -4,7 +4,9 @@ Each model is MJCF text; a change replaces one piece of it. The measure that a h
 worse is named next to it. Why it is worse follows from the model, not from a verification.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 PINCH = """
 <mujoco model="pinch">
@@ -340,3 +342,51 @@ HARMLESS = (
     PlantedChange("another solver of an arm", ARM, "<option", '<option solver="CG"'),
     PlantedChange("names of another model", STACK, 'model="stack"', 'model="pile"'),
 )  # fmt: skip
+
+
+def write_pile(geom: str) -> str:
+    """Return a model of twelve bodies that fall on each other."""
+    generator, bodies = np.random.default_rng(0), list[str]()
+    for each in range(12):
+        x, y = generator.uniform(-0.04, 0.04, 2)
+        angles = " ".join(f"{angle:.0f}" for angle in generator.uniform(0, 90, 3))
+        place = f"{x:.3f} {y:.3f} {0.05 + 0.045 * each:.3f}"
+        bodies.append(f'<body pos="{place}" euler="{angles}"><freejoint/><geom {geom}/></body>')
+    return f"""
+<mujoco model="pile">
+  <option timestep="0.002" noslip_iterations="3"/>
+  <default><geom friction="1" solref="0.02 1"/></default>
+  <worldbody><geom type="plane" size="2 2 .1"/>{"".join(bodies)}</worldbody>
+</mujoco>
+"""
+
+
+BOXES = write_pile('type="box" size=".03 .02 .015"')
+SPHERES = write_pile('size=".025"')
+"""Where the bodies of a pile end is chance. They touch, slide and creep as their contacts say."""
+
+_PILE_HARM = (
+    PlantedChange("friction x.7", BOXES, 'friction="1"', 'friction="0.7"'),
+    PlantedChange("no noslip", BOXES, ' noslip_iterations="3"', ""),
+    PlantedChange("four times the step", BOXES, '"0.002"', '"0.008"'),
+    PlantedChange("a margin", BOXES, 'friction="1"', 'friction="1" margin="0.005"'),
+    PlantedChange("three times softer", BOXES, '"0.02 1"', '"0.06 1"'),
+)
+_PILE_HARMLESS = (
+    PlantedChange("half the step", BOXES, '"0.002"', '"0.001"'),
+    PlantedChange("a sparse Jacobian", BOXES, "<option", '<option jacobian="sparse"'),
+    PlantedChange("a tighter tolerance", BOXES, "<option", '<option tolerance="1e-12"'),
+    PlantedChange("another solver", BOXES, "<option", '<option solver="CG"'),
+    PlantedChange("a camera", BOXES, "</worldbody>", '<camera pos="0 -2 1"/></worldbody>'),
+)
+
+
+def _on_both(changes: tuple[PlantedChange, ...]) -> tuple[PlantedChange, ...]:
+    spheres = (
+        replace(change, name=f"{change.name} of spheres", model=SPHERES) for change in changes
+    )
+    return (*changes, *spheres)
+
+
+HARMFUL_TO_PILES = _on_both(_PILE_HARM)
+HARMLESS_TO_PILES = _on_both(_PILE_HARMLESS)

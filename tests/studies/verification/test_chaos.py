@@ -13,6 +13,7 @@ from contactlab.studies.verification.run_measures import (
     CHANCE,
     compare_run,
     find_chaotic_bodies,
+    find_unresolved_bodies,
     largest_by_chance,
     tabulate_run,
 )
@@ -118,3 +119,16 @@ def test_a_nudge_moves_free_bodies_against_each_other(tmp_path: Path) -> None:
     nudges = nudges[nudges != 0].reshape(8, 6)
     assert len({tuple(np.sign(each)) for each in nudges}) > 1
     assert find_chaotic_bodies(motion, 1).any()
+
+
+def test_ends_that_no_step_resolves_are_left_out(tmp_path: Path) -> None:
+    """The dice end elsewhere at any finer step; a box that slides to rest on a plane does not."""
+    box = '<geom type="box" size=".1 .1 .03"/></body></worldbody>'
+    slides = f'<body pos="1 1 .03"><joint type="slide" axis="1 0 0"/>{box}'
+    path = tmp_path / "dice.xml"
+    path.write_text(DICE.replace("</worldbody>", slides))
+    motion = open_model(str(path), Session(tmp_path / "results")).motions[0]
+    run = pair_motions("fall", motion, motion)
+    found = find_unresolved_bodies(run, tabulate_run(run, 1, {}), 1)
+    assert found[:3].any()
+    assert not found[3]

@@ -4,7 +4,13 @@ from pathlib import Path
 
 import pytest
 from _pytest.mark.structures import ParameterSet
-from tests.studies.verification.planted import HARMFUL, HARMLESS, PlantedChange
+from tests.studies.verification.planted import (
+    HARMFUL,
+    HARMFUL_TO_PILES,
+    HARMLESS,
+    HARMLESS_TO_PILES,
+    PlantedChange,
+)
 
 from contactlab.studies.verification import VerificationRequest, verify_change
 from contactlab.tasks.checked_model import CheckedModel, open_model
@@ -75,4 +81,17 @@ def test_harm_is_found_in_a_fix_that_moves_bodies_otherwise(
 def test_no_harm_passes(change: PlantedChange, tmp_path: Path) -> None:
     original, changed = _pair(tmp_path, change)
     found = verify_change(VerificationRequest(original, changed))
+    assert found.passed, found.sentence
+
+
+@pytest.mark.parametrize("change", _marked(HARMFUL_TO_PILES))
+def test_harm_to_a_chaotic_pile_is_found(change: PlantedChange, tmp_path: Path) -> None:
+    original, changed = _pair(tmp_path, change)
+    assert not verify_change(VerificationRequest(original, changed, stop_early=True)).passed
+
+
+@pytest.mark.parametrize("change", _marked(HARMLESS_TO_PILES))
+def test_no_harm_to_a_chaotic_pile_passes(change: PlantedChange, tmp_path: Path) -> None:
+    original, changed = _pair(tmp_path, change)
+    found = verify_change(VerificationRequest(original, changed, stop_early=True))
     assert found.passed, found.sentence

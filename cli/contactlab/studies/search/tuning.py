@@ -333,7 +333,11 @@ class TuningStudy:
             else (),
             trials=len(search.evaluations),
             planned_trials=max(len(search.evaluations), search.trials * len(self._goals)),
-            ended=verifier.ending if verifier.ending != "complete" else search.ending,
+            # Time is said first: it is the only end that another machine does not repeat.
+            ended=next(
+                (end for end in ("time", "work") if end in (search.ending, verifier.ending)),
+                "complete",
+            ),
             max_time=self._request.max_time,
             seconds=time.monotonic() - self._begin,
         )

@@ -11,6 +11,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from statistics import stdev
 
@@ -33,8 +34,10 @@ from contactlab.studies.verification.loop_runs import LoopRuns, has_policy
 from contactlab.studies.verification.panel_cost import MAX_TRACKED_ACTUATORS
 from contactlab.studies.verification.run_measures import (
     RELATIVE_TOLERANCE,
+    Tables,
     compare_run,
     find_chaotic_bodies,
+    find_unresolved_bodies,
     is_chaotic,
     tabulate_run,
 )
@@ -77,6 +80,8 @@ class OriginalRuns:
         grips: reports of its grips, by keyframe; None for one that cannot be judged.
         falls: states of the original from nudged starts, by the name of the run.
         chaotic_bodies: which judged bodies end elsewhere after a nudge, if known.
+        unresolved_bodies: which judged bodies end elsewhere at a finer step than the reference's,
+            by the name of the run and the timestep of the reference [s].
     """
 
     tables: dict[tuple[str, float], tuple[StateTable, StateTable, StateTable]] = field(
@@ -91,6 +96,9 @@ class OriginalRuns:
     )
     falls: dict[str, StateTable] = field(default_factory=dict[str, StateTable])
     chaotic_bodies: list[np.ndarray] = field(default_factory=list[np.ndarray])
+    unresolved_bodies: dict[tuple[str, float], np.ndarray] = field(
+        default_factory=dict[tuple[str, float], np.ndarray]
+    )
 
 
 @dataclass(frozen=True)
@@ -417,12 +425,20 @@ class _Panel:
             keeps_motion=request.keeps_motion or run.unconstrained,
             keeps_start=request.keeps_start,
             chaotic_bodies=None if run.in_loop or run.unconstrained else self._chaotic_bodies,
+            find_unresolved=None if run.in_loop else partial(self._find_unresolved, run, tables),
         )
         for measure in compared:
             if not run.in_loop and measure.worse and measure.name in repeated:
                 yield repeat_measure(run, measure, self._original.threads, request.runs.falls)
             else:
                 yield measure
+
+    def _find_unresolved(self, run: PairedRun, tables: Tables) -> np.ndarray:
+        known = self._request.runs.unresolved_bodies
+        key = run.name, float(run.reference.model.opt.timestep)
+        if key not in known:
+            known[key] = find_unresolved_bodies(run, tables, self._original.threads)
+        return known[key]
 
     def _count_lost_seeds(self, run: PairedRun) -> VerifiedMeasure:
         # A seed that the engine gave up in an earlier phase does not reach this one.

@@ -1,7 +1,7 @@
 """Compares the states of both models in one run, measure by measure."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from contactlab.budget.motion import Motion
+from contactlab.budget.restarts import reference_motion
 from contactlab.budget.windows import body_name, judged_bodies
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.model_names import name_of
@@ -114,6 +115,7 @@ def compare_run(
     keeps_motion: bool = True,
     keeps_start: bool = True,
     chaotic_bodies: np.ndarray | None = None,
+    find_unresolved: Callable[[], np.ndarray] | None = None,
 ) -> Iterator[VerifiedMeasure]:
     """Yield the measures of a run.
 
@@ -132,6 +134,8 @@ def compare_run(
             tracking are not compared: the model is the same, and comes to rest in another place.
         chaotic_bodies: (B,) judged bodies that end elsewhere if the task repeats, so that their
             ends are not compared in shorter runs either; all are compared by default.
+        find_unresolved: returns (B,) judged bodies whose ends the reference does not resolve, which
+            are left out, too. It is called only if an end is worse.
     """
     model = run.original.model
     scale = float(model.stat.meansize)
@@ -168,7 +172,33 @@ def compare_run(
         yield from _compare_tracking(run, tables, good, allowed, keeps_motion=keeps_motion)
     elif keeps_motion:
         left_out = np.False_ if chaotic_bodies is None else chaotic_bodies
-        yield from _compare_places(run, tables, allowed, left_out, chaotic=chaotic)
+        found = [*_compare_places(run, tables, allowed, left_out, chaotic=chaotic)]
+        if find_unresolved and any(measure.worse for measure in found):
+            left_out = left_out | find_unresolved()
+            found = [*_compare_places(run, tables, allowed, left_out, chaotic=chaotic)]
+        yield from found
+
+
+def find_unresolved_bodies(run: PairedRun, tables: Tables, workers: int) -> np.ndarray:
+    """Return (B,) which judged bodies end elsewhere if the step of the reference is halved.
+
+    The ends of a body that meets an edge or tips over depend on the step, however fine it is: then
+    the distance from the reference measures chance. The error of a regular motion at the
+    reference's step is at most a third of the original's.
+    """
+    model = run.original.model
+    finer = round(2 * run.reference.steps / run.original.steps)
+    ends = tables.original.times[-1:]
+    table = tabulate_states(
+        reference_motion(run.original, finer), workers, ends, extremes_too=False
+    )
+    bodies, good = judged_bodies(model), tables.good & ~table.failed
+    own, fine, finest = (
+        each.positions[good][:, -1, bodies] for each in (tables.original, tables.reference, table)
+    )
+    left, before = (np.linalg.norm(each - fine, axis=-1) for each in (finest, own))
+    most = np.maximum(before, LENGTH_TOLERANCE * float(model.stat.meansize)) / 2
+    return np.asarray((left > most).any(axis=0))
 
 
 def find_chaotic_bodies(motion: Motion, workers: int) -> np.ndarray:
