@@ -383,7 +383,9 @@ _PILE_HARMLESS = (
 
 def _on_both(changes: tuple[PlantedChange, ...]) -> tuple[PlantedChange, ...]:
     spheres = (
-        replace(change, name=f"{change.name} of spheres", model=SPHERES) for change in changes
+        replace(change, name=f"{change.name} of spheres", model=SPHERES)
+        for change in changes
+        if change.name != "no noslip"  # spheres that roll do not slip
     )
     return (*changes, *spheres)
 

@@ -61,6 +61,7 @@ from contactlab.studies.search.search_space import find_integrators, find_parame
 from contactlab.studies.search.settings_search import (
     SAVING,
     Bound,
+    Ending,
     Evaluation,
     Search,
     SearchSpace,
@@ -333,11 +334,7 @@ class TuningStudy:
             else (),
             trials=len(search.evaluations),
             planned_trials=max(len(search.evaluations), search.trials * len(self._goals)),
-            # Time is said first: it is the only end that another machine does not repeat.
-            ended=next(
-                (end for end in ("time", "work") if end in (search.ending, verifier.ending)),
-                "complete",
-            ),
+            ended=_join_endings(search.ending, verifier.ending),
             max_time=self._request.max_time,
             seconds=time.monotonic() - self._begin,
         )
@@ -788,3 +785,9 @@ def _change_reference(model: mujoco.MjModel, change: ModelChange) -> mujoco.MjMo
     made = build_reference_model(model, 1)
     change(made, model)
     return made
+
+
+def _join_endings(*endings: Ending) -> Ending:
+    # Time comes first: it is the only end that another machine does not repeat.
+    order: tuple[Ending, ...] = ("time", "work", "complete")
+    return min(endings, key=order.index)
