@@ -134,8 +134,8 @@ def compare_run(
             tracking are not compared: the model is the same, and comes to rest in another place.
         chaotic_bodies: (B,) judged bodies that end elsewhere if the task repeats, so that their
             ends are not compared in shorter runs either; all are compared by default.
-        find_unresolved: returns (B,) judged bodies to leave out, too: the reference does not resolve
-            their ends. It is called only if an end is worse.
+        find_unresolved: returns (B,) judged bodies to leave out, too: the reference does not
+            resolve their ends. It is called only if an end is worse.
     """
     model = run.original.model
     scale = float(model.stat.meansize)
