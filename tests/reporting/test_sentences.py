@@ -150,7 +150,7 @@ def test_a_page_without_films_has_drawings_or_the_reason(
     )
     monkeypatch.setattr(page_pictures, "extensions", lambda _: found)
     data = read_report_data(swept("bounce"))
-    films = header_films(data, None, drawn=False)
+    films = header_films(data, None, has_moment=False)
     assert films.missing == ("" if drawable else "it needs av")
     assert [(film.label, film.moves) for film in films.films] == [("stable", False)] * drawable
     for film in films.films:
@@ -160,7 +160,7 @@ def test_a_page_without_films_has_drawings_or_the_reason(
     assert first is not None
     focal = page_pictures.focal_picture(data, first[0])
     assert (focal is not None) == drawable
-    assert not header_films(data, first[0], drawn=True).missing
+    assert not header_films(data, first[0], has_moment=True).missing
 
 
 @pytest.mark.long
@@ -173,12 +173,12 @@ def test_the_head_has_films_of_a_stable_and_of_the_worst_run(swept: Swept) -> No
     data = read_report_data(swept("bounce"))
     first = first_look(data)
     assert first is not None
-    stable, worst = header_films(data, first[0], drawn=True).films
+    stable, worst = header_films(data, first[0], has_moment=True).films
     assert stable.label == "stable"
     assert (worst.run, worst.label) == first
     for film in (stable, worst):
         assert film.source.startswith("data:image/gif;base64,R0lGOD")
-    none = header_films(read_report_data(swept("tradeoff")), None, drawn=False)
+    none = header_films(read_report_data(swept("tradeoff")), None, has_moment=False)
     assert not none.films
     assert "no trace of run" in none.missing
 

@@ -60,9 +60,12 @@ def engine_parts(data: ReportData, parity: Path | None) -> EngineParts | None:
     report = _read_parity(parity, data) if parity else None
     # The rows of each engine's runs, MuJoCo's first.
     names = data.store.columns.coded("engine_name")
-    found = {name: np.flatnonzero(names.codes == code) for code, name in enumerate(names.values)}
+    engine_runs = {
+        name: np.flatnonzero(names.codes == code) for code, name in enumerate(names.values)
+    }
     codes: dict[str, Codes] = {
-        engine: found[engine] for engine in sorted(found, key=lambda name: name != _REFERENCE)
+        engine: engine_runs[engine]
+        for engine in sorted(engine_runs, key=lambda name: name != _REFERENCE)
     }
     if report is None and len(codes) < 2:
         return None
@@ -90,8 +93,8 @@ def _measure_costs(data: ReportData, rows: dict[str, Codes]) -> Iterator[EngineC
     versions, values = columns.coded("engine_version"), columns.numbers("cost_cpu_per_sim_s")[0]
     first = math.nan
     for name, own in rows.items():
-        told = values[own][np.isfinite(values[own])]
-        cost = float(np.median(told)) if len(told) else math.nan
+        costs = values[own][np.isfinite(values[own])]
+        cost = float(np.median(costs)) if len(costs) else math.nan
         first = cost if math.isnan(first) else first
         version = versions.values[versions.codes[own[0]]]
         stable = len(own) - int(failed[own].sum())
@@ -117,10 +120,10 @@ def _gate_of_store(data: ReportData, rows: dict[str, Codes]) -> Iterator[GateRow
         _, ours, theirs = np.intersect1d(keys[reference[1]], keys[own], return_indices=True)
         for quantity, values in quantities.items():
             one, other = values[reference[1][ours]], values[own[theirs]]
-            known = np.isfinite(one) & np.isfinite(other)
-            if not known.any():
+            both_finite = np.isfinite(one) & np.isfinite(other)
+            if not both_finite.any():
                 continue
-            one, other = one[known], other[known]
+            one, other = one[both_finite], other[both_finite]
             scale, change = np.abs(one), np.abs(other - one)
             if quantity == "success":
                 scale = np.ones_like(one)
@@ -138,22 +141,22 @@ def _gate_of_report(report: ParityReport) -> Iterator[GateRow]:
     """Yield the judged quantities of a report: its checks name those beyond their tolerance."""
     failed = {check.name for check in report.findings if check.outcome == "failed"}
     for name in dict.fromkeys(name for run in report.runs for name in run.measured):
-        told = [run.measured[name] for run in report.runs if name in run.measured]
+        readings = [run.measured[name] for run in report.runs if name in run.measured]
         ours, theirs, shares = (
             np.array([math.nan if value is None else value for value in values])
             for values in zip(
-                *[(reading.mujoco, reading.engine, reading.difference) for reading in told],
+                *[(reading.mujoco, reading.engine, reading.difference) for reading in readings],
                 strict=True,
             )
         )
-        known = np.isfinite(ours) & np.isfinite(theirs)
-        if known.any():
+        both_finite = np.isfinite(ours) & np.isfinite(theirs)
+        if both_finite.any():
             beyond = [of for of in ("on average", "of each run") if f"{name} {of}" in failed]
             verdict = f"beyond {' and '.join(beyond)}" if beyond else "within"
-            shares = np.where(np.isnan(shares), np.inf, shares)[known]
-            means = float(ours[known].mean()), float(theirs[known].mean())
+            shares = np.where(np.isnan(shares), np.inf, shares)[both_finite]
+            means = float(ours[both_finite].mean()), float(theirs[both_finite].mean())
             far = float(shares.mean()), float(shares.max())
-            yield GateRow(report.engine, name, int(known.sum()), *means, *far, verdict)
+            yield GateRow(report.engine, name, int(both_finite.sum()), *means, *far, verdict)
 
 
 def engines_sentence(parts: EngineParts) -> str:

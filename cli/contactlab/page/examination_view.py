@@ -125,14 +125,14 @@ def _fix_chart(budget: BudgetReport) -> Spec | None:
     colours: Mapping[str, str] = {_NOW: COLOURS[2], _REMOVES: COLOURS[0], _REMAINS: OTHERS_COLOUR}
     times = [row["time"] for row in rows]
     margin = 1.5  # room for names next to the fastest and the slowest, as a ratio of times
-    shown = min(times) / margin, max(times) * margin
+    domain = min(times) / margin, max(times) * margin
     ticks = [
         float(f"{digits}e{power}") for power in range(-5, 3) for digits in (1, 1.5, 2, 3, 5, 7)
     ]
     layer = layer_of("tried", rows).encode(
         x=alt.X(
             "time:Q", title="time of a simulated second, over that of the model as written"
-        ).scale(type="log", nice=False, domain=shown),
+        ).scale(type="log", nice=False, domain=domain),
         y=alt.Y("error:Q", title="error that is left")
         .scale(type="log", nice=False, padding=25)
         .axis(format="~%", values=ticks),
@@ -143,12 +143,12 @@ def _fix_chart(budget: BudgetReport) -> Spec | None:
         .legend(orient="bottom")
     )
     # Fixes that do not help crowd around the model as written.
-    named = [row for row in rows if row["kind"] != _REMAINS]
-    named.sort(key=lambda row: row["error"])
+    labeled_rows = [row for row in rows if row["kind"] != _REMAINS]
+    labeled_rows.sort(key=lambda row: row["error"])
     texts = list[alt.Chart]()
     # Below and above in turns, the least error below: two similar fixes lie next to each other.
     for place, (part, above) in enumerate((("named_below", 18), ("named", -12))):
-        words = layer_of(part, named[place::2]).encode(
+        words = layer_of(part, labeled_rows[place::2]).encode(
             x=layer.encoding.x, y=layer.encoding.y, text="name:N"
         )
         texts += halo_layers(words, dy=above, fontSize=11)

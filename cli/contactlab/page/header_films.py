@@ -105,7 +105,7 @@ def _encode_picture(path: Path, kind: str) -> str:
     return f"data:image/{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"
 
 
-def header_films(data: ReportData, worst: str | None, *, drawn: bool) -> Films:
+def header_films(data: ReportData, worst: str | None, *, has_moment: bool) -> Films:
     """Return films of a stable run, the recommended one if there is one, and of the worst.
 
     If a film needs a package that is not installed, or OpenGL, there is a drawing of the last
@@ -116,8 +116,8 @@ def header_films(data: ReportData, worst: str | None, *, drawn: bool) -> Films:
         try:
             films += film_of(data.store, run)
         except (OutputError, SceneError) as error:
-            missing = "" if drawn else str(error)
-            if drawn:
+            missing = "" if has_moment else str(error)
+            if has_moment:
                 continue
             record = data.store.record(run)
             with suppress(ContactlabError):

@@ -83,8 +83,8 @@ def default_map(data: ReportData) -> Spec | None:
         row for expectation in expected for row in boundary_rows(data.map_axes, expectation)
     ]
     inferred = agreed_labels(data, data.map_axes)
-    made = label_map(data.map_axes, data.labels, boundary=boundary, inferred=inferred)
-    return apply_theme(made.to_dict(validate=False))
+    chart = label_map(data.map_axes, data.labels, boundary=boundary, inferred=inferred)
+    return apply_theme(chart.to_dict(validate=False))
 
 
 def metric_map(data: ReportData, name: str) -> Spec | None:
@@ -166,10 +166,10 @@ def label_map(
     the labels that are inferred for them (rows, columns), if any are.
     """
     pieces, letters = label_rows(label_counts(axes, labels), labels) if axes else ([], [])
-    used = {row["label"] for row in pieces}
-    shown = [name for name in labels.legend if name in used]
+    drawn_labels = {row["label"] for row in pieces}
+    legend_names = [name for name in labels.legend if name in drawn_labels]
     colour = word_colours("label", labels.legend, labels.colours)
-    colour = colour.legend(title="label", values=shown)
+    colour = colour.legend(title="label", values=legend_names)
     inferred_pieces: Rows = []
     if inferred is not None:
         for y, x in np.argwhere(inferred != NOT_INFERRED).tolist():

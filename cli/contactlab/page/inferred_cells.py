@@ -28,18 +28,18 @@ class InferredLabels:
 
 def inferred_labels(data: ReportData) -> Iterator[InferredLabels]:
     """Yield the inferred labels, for maps of one axis or two; none for other sweeps."""
-    found = data.boundaries
-    if found is None or found.where != "label" or len(found.grid.axes) > 2:
+    boundaries = data.boundaries
+    if boundaries is None or boundaries.where != "label" or len(boundaries.grid.axes) > 2:
         return
     axes = {axis.name: axis for axis in data.axes}
-    if not found.grid.axes.keys() <= axes.keys():
+    if not boundaries.grid.axes.keys() <= axes.keys():
         return
     places = [
         np.array([tick_of(axes[name], value) for value in values])
-        for name, values in found.grid.axes.items()
+        for name, values in boundaries.grid.axes.items()
     ]
-    shape = [len(axes[name].ticks) for name in found.grid.axes]
-    for sides in found.sides:
+    shape = [len(axes[name].ticks) for name in boundaries.grid.axes]
+    for sides in boundaries.sides:
         codes = np.full(shape, NOT_INFERRED, np.int64)
         names = np.array([data.labels.names.index(name) for name in sides.names])
         codes[np.ix_(*places)] = np.where(sides.ran, NOT_INFERRED, names[sides.codes])

@@ -88,7 +88,7 @@ def _pick_values(
         return np.full(places.shape, values[0])
     before = np.vstack([np.zeros_like(counts[:1]), counts.cumsum(axis=0)])
     part = np.stack([(before[1:, filled] <= place).sum(axis=0) for place in places])
-    found = np.empty(places.shape)
+    picked = np.empty(places.shape)
     for each in np.unique(part).tolist():
         kinds, cells = np.nonzero(part == each)
         is_wanted = np.zeros(counts.shape[1], np.bool_)
@@ -100,8 +100,8 @@ def _pick_values(
         starts = np.where(is_wanted, counts[each], 0)
         starts = starts.cumsum() - starts - before[each]
         chosen = rows[starts[filled[cells]] + places[kinds, cells]]
-        found[kinds, cells] = values[ends[each] + chosen]
-    return found
+        picked[kinds, cells] = values[ends[each] + chosen]
+    return picked
 
 
 def most_frequent_failure(counts: NDArray[np.int64], labels: RunLabels) -> NDArray[np.int64]:
@@ -133,17 +133,19 @@ def aggregated_columns(
     maps = {f"cells:{index}:": MapAxes(axis, None) for index, axis in enumerate(axes)}
     for (first, x), (second, y) in combinations(enumerate(axes), 2):
         maps[f"cells:{first}:{second}"] = MapAxes(x, y)
-    counts = {name: label_counts(drawn, labels) for name, drawn in maps.items()}
+    counts = {name: label_counts(map_axes, labels) for name, map_axes in maps.items()}
     columns = {f"{name}:labels": packed_integers(each.ravel()) for name, each in counts.items()}
     for quantity in quantities:
         values, better = quantity.values, quantity.column.better
         # If some run has no value, this is NaN, which equals nothing.
         if values.min() == values.max():
             runs = ((name, each.sum(axis=-1).ravel()) for name, each in counts.items())
-            found = ((name, _of_one_value(own, values[0], better)) for name, own in runs)
+            statistics_by_name = (
+                (name, _of_one_value(own, values[0], better)) for name, own in runs
+            )
         else:
-            found = _of_maps(maps, axes, quantity)
-        for name, statistics in found:
+            statistics_by_name = _of_maps(maps, axes, quantity)
+        for name, statistics in statistics_by_name:
             for statistic, numbers in zip(STATISTICS, statistics, strict=True):
                 columns[f"{name}:{quantity.name}:{statistic}"] = rounded_floats(numbers)
     return columns
@@ -164,22 +166,22 @@ def _of_maps(
     codes = {axis.name: axis.codes[ascending] for axis in axes}
     del ascending
     sums = _GridSums.of(axes, codes, values)
-    for name, drawn in maps.items():
+    for name, map_axes in maps.items():
         # The smaller the numbers, the sooner they are counted and sorted.
-        kind = np.min_scalar_type(drawn.size)
-        cells = codes[drawn.x.name].astype(kind)
-        if drawn.y is not None:
-            cells += codes[drawn.y.name].astype(kind) * kind.type(len(drawn.x.ticks))
-        of_cells = sums.of_map(drawn, cells)
+        kind = np.min_scalar_type(map_axes.size)
+        cells = codes[map_axes.x.name].astype(kind)
+        if map_axes.y is not None:
+            cells += codes[map_axes.y.name].astype(kind) * kind.type(len(map_axes.x.ticks))
+        of_cells = sums.of_map(map_axes, cells)
         yield name, cell_statistics(cells, values, of_cells, quantity.column.better)
 
 
 def _sum_places(places: NDArray[np.integer], values: Floats, size: int) -> Floats:
     """Return (size,) the sum of the values (m,) at each place (m,)."""
-    found = np.zeros(size)
+    sums = np.zeros(size)
     for part in split_blocks(len(values)):
-        found += np.bincount(places[part], values[part], minlength=size)
-    return found
+        sums += np.bincount(places[part], values[part], minlength=size)
+    return sums
 
 
 @dataclass(frozen=True)
@@ -193,29 +195,31 @@ class _GridSums:
     @classmethod
     def of(cls, axes: Sequence[GridAxis], own: Mapping[str, Codes], values: Floats) -> "_GridSums":
         """Return the sums of values (m,) with codes (m,) by axis."""
-        used, size = list[GridAxis](), 1
+        present_axes, size = list[GridAxis](), 1
         runs_of_a_sum = 8  # runs for each place of a grid of sums; maps with fewer are summed alone
         for axis in sorted(axes, key=lambda axis: len(axis.ticks)):
             size *= len(axis.ticks)
             if runs_of_a_sum * size > len(values):
                 break
-            used.append(axis)
-        shape = [len(axis.ticks) for axis in used]
+            present_axes.append(axis)
+        shape = [len(axis.ticks) for axis in present_axes]
         places = np.zeros(len(values), np.int32)
-        for axis in used:
+        for axis in present_axes:
             places *= np.int32(len(axis.ticks))
             places += own[axis.name].astype(np.int32)
         return cls(
-            values, tuple(used), _sum_places(places, values, int(np.prod(shape))).reshape(shape)
+            values,
+            tuple(present_axes),
+            _sum_places(places, values, int(np.prod(shape))).reshape(shape),
         )
 
-    def of_map(self, drawn: MapAxes, cells: NDArray[np.integer]) -> Floats:
+    def of_map(self, map_axes: MapAxes, cells: NDArray[np.integer]) -> Floats:
         """Return (cells,) the sums of a map, from the cell of each value."""
-        shown = [axis for axis in (drawn.y, drawn.x) if axis is not None]
+        own_axes = [axis for axis in (map_axes.y, map_axes.x) if axis is not None]
         names = [axis.name for axis in self.axes]
-        if any(axis.name not in names for axis in shown):
-            return _sum_places(cells, self.values, drawn.size)
-        kept = [names.index(axis.name) for axis in shown]
-        rest = tuple(place for place in range(len(names)) if place not in kept)
+        if any(axis.name not in names for axis in own_axes):
+            return _sum_places(cells, self.values, map_axes.size)
+        axis_places = [names.index(axis.name) for axis in own_axes]
+        rest = tuple(place for place in range(len(names)) if place not in axis_places)
         sums = self.grid.sum(axis=rest)
-        return (sums.T if kept != sorted(kept) else sums).ravel()
+        return (sums.T if axis_places != sorted(axis_places) else sums).ravel()

@@ -70,16 +70,16 @@ def outline_text(svg: str) -> str:
     ET.register_namespace("xlink", _XLINK)
     root = ET.fromstring(svg)  # noqa: S314 - drawn by this program
     for text in root.iter(f"{{{_SVG}}}text"):
-        drawn = _draw_text(text, fonts)
-        if drawn is None:
+        outline = _draw_text(text, fonts)
+        if outline is None:
             continue
-        said = " ".join("".join(text.itertext()).split())
+        plain_text = " ".join("".join(text.itertext()).split())
         for line in [*text]:
             text.remove(line)
         for name in _OF_TEXT.intersection(text.keys()):
             del text.attrib[name]
         text.tag, text.text = f"{{{_SVG}}}path", None
-        text.attrib |= {"d": drawn, "role": "img", "aria-label": said}
+        text.attrib |= {"d": outline, "role": "img", "aria-label": plain_text}
     return ET.tostring(root, encoding="unicode")
 
 
@@ -93,15 +93,19 @@ def _draw_text(text: ET.Element, fonts: Sequence[_Font]) -> str | None:
     paths, down = list[str](), 0.0
     for line in [*text] or [text]:
         down += float(line.get("dy", 0)) if line is not text else 0.0
-        said = " ".join((line.text or "").split())
-        chosen = [next((font for font in ranked if letter in font.glyphs), None) for letter in said]
+        characters = " ".join((line.text or "").split())
+        chosen = [
+            next((font for font in ranked if letter in font.glyphs), None) for letter in characters
+        ]
         set_in = [font for font in chosen if font is not None]
-        if len(set_in) < len(said):
+        if len(set_in) < len(characters):
             return None
         # Each character is drawn in its font, on the baseline of the line.
-        advances = [face.advance(character) for character, face in zip(said, set_in, strict=True)]
+        advances = [
+            face.advance(character) for character, face in zip(characters, set_in, strict=True)
+        ]
         pieces, right = list[str](), anchor * sum(advances)
-        for character, face, advance in zip(said, set_in, advances, strict=True):
+        for character, face, advance in zip(characters, set_in, advances, strict=True):
             scale = size / face.em
             glyphs = face.outlines.getGlyphSet()
             pen = SVGPathPen(glyphs, "{:.2f}".format)

@@ -97,15 +97,15 @@ def knob_changes(
     """
     most_values = 12
     knobs = [axis for axis in axes if axis.role == "knob" and len(axis.ticks) <= most_values]
-    pairs = [found for axis in knobs for found in _changes_of(axis, axes, labels)]
-    told = 0
+    pairs = [knob_change for axis in knobs for knob_change in _changes_of(axis, axes, labels)]
+    count = 0
     for quantity in quantities if pairs else ():
         ratios = [_median_ratio(*(quantity.values[rows] for rows in both)) for _, both in pairs]
         if any(ratio is not None for ratio in ratios):
             for (change, _), ratio in zip(pairs, ratios, strict=True):
                 change.ratios[quantity.name] = ratio
-            told += 1
-        if told == most:
+            count += 1
+        if count == most:
             break
     return [change for change, _ in pairs]
 
@@ -152,9 +152,12 @@ def change_panels(changes: Sequence[KnobChange], names: Sequence[str]) -> Spec:
         if (ratio := change.ratios.get(name)) is not None
     ]
     order = list(dict.fromkeys(row["change"] for row in rows))
-    named = {name: own for name in names if (own := [row for row in rows if row["name"] == name])}
+    rows_by_name = {
+        name: own for name in names if (own := [row for row in rows if row["name"] == name])
+    }
     panels = [
-        _ratio_bars(own, name, order, is_first=name == names[0]) for name, own in named.items()
+        _ratio_bars(own, name, order, is_first=name == names[0])
+        for name, own in rows_by_name.items()
     ]
     return alt.hconcat(*panels, spacing=26).to_dict()
 

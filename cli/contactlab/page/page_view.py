@@ -310,7 +310,7 @@ def head_view(
         if request.examination
         else write_finding(data.axes, data.labels, share_words(data.store)),
         reality=reality.sentence if reality else "",
-        films=header_films(data, pictured, drawn=focal is not None) if drawn else Films([]),
+        films=header_films(data, pictured, has_moment=focal is not None) if drawn else Films([]),
         focal=focal,
         first=first,
         stable_tiles=[] if request.examination else [*list_stable_tiles(data)],

@@ -108,14 +108,14 @@ def _axis_of_restitution(
     if not axes or "restitution_measured" not in store.columns.schema.names:
         return None
     values = store.columns.numbers("restitution_measured").values
-    measured = Quantity(
+    restitution = Quantity(
         store.columns.described["restitution_measured"], np.where(stable, values, np.nan)
     )
 
     def spread(axis: GridAxis) -> float:
-        means = cell_statistic(MapAxes(axis, None), measured, "median")
-        known = means[np.isfinite(means)].tolist()
-        return max(known, default=0.0) - min(known, default=0.0)
+        means = cell_statistic(MapAxes(axis, None), restitution, "median")
+        finite_means = means[np.isfinite(means)].tolist()
+        return max(finite_means, default=0.0) - min(finite_means, default=0.0)
 
     return max(axes, key=spread)
 
@@ -140,9 +140,9 @@ def _bouncing_run(trace: StoredTrace, record: EvidenceRecord, setting: str) -> B
         or np.abs(grounds).max(initial=0.0) > _RULES.most_rise * peaks[0]
     ):
         return None
-    kept = thin_indices(height)
+    rows = thin_indices(height)
     restitution = float(restitution_from_damping(damping_ratio(record.pairs[pair.name].solref)))
-    return BouncingRun(setting, trace.time[kept], height[kept], peaks, restitution)
+    return BouncingRun(setting, trace.time[rows], height[rows], peaks, restitution)
 
 
 def first_impacts(store: Store) -> Rows:

@@ -66,14 +66,14 @@ def render_at(spec: Spec, form: str, width: float | None) -> bytes:
 
 def _render_pdf(spec: Spec, scale: float = 1.0) -> bytes:
     """Return a specification as PDF at a scale, its objects in a fixed order."""
-    written = io.BytesIO()
+    buffer = io.BytesIO()
     with pikepdf.open(io.BytesIO(as_pdf(spec))) as opened:
         for page in opened.pages if scale != 1 else ():
             page.mediabox = pikepdf.Array([float(side) * scale for side in page.mediabox.as_list()])
             page.contents_add(f"q {scale:.9f} 0 0 {scale:.9f} 0 0 cm".encode(), prepend=True)
             page.contents_add(b"Q")
-        opened.save(written, deterministic_id=True)
-    return written.getvalue()
+        opened.save(buffer, deterministic_id=True)
+    return buffer.getvalue()
 
 
 def laid_out(spec: Spec, pixels: float) -> Spec:
@@ -126,6 +126,6 @@ def _scale_plots(part: Any, factor: float) -> Any:  # noqa: ANN401 - JSON
 
 def _picture_size(spec: Spec) -> tuple[float, float]:
     """Return the width and the height of a specification's picture [pixels]."""
-    found = _SIZE.search(as_svg(spec))
-    assert found is not None, "a picture has a size"
-    return float(found[1]), float(found[2])
+    match = _SIZE.search(as_svg(spec))
+    assert match is not None, "a picture has a size"
+    return float(match[1]), float(match[2])

@@ -97,8 +97,10 @@ def script_data(data: ReportData, request: PageRequest, chart: Spec | None) -> S
     with_series = list(dict.fromkeys(_by_interest(data)))[:traces] if traces else []
     rows = _selected_runs(data, with_series) if is_aggregated else np.arange(stored.runs)
     places = {row: place for place, row in enumerate(rows.tolist())}
-    shown = sorted(with_series)
-    records = dict(zip(map(places.__getitem__, shown), data.store.records_at(shown), strict=True))
+    places_shown = sorted(with_series)
+    records = dict(
+        zip(map(places.__getitem__, places_shown), data.store.records_at(places_shown), strict=True)
+    )
     axes = aggregated_axes(data.axes) if is_aggregated else data.axes
     selection = _Selection(rows, records, is_aggregated, axes)
     table = data.tolerance_table()
@@ -172,9 +174,9 @@ def listed_metrics(data: ReportData) -> list[str]:
     """Return the metrics that lists of runs show: the error, the time, and those of the summary."""
     report = data.tradeoff
     first = (report.error.name, report.time.name, *report.tolerances) if report else ()
-    known = {column.name for column in data.quantities.columns}
-    wanted = dict.fromkeys((*first, *summary_metrics()))
-    return [name for name in wanted if name in known][: _RULES.most_metrics]
+    stored_names = {column.name for column in data.quantities.columns}
+    metric_names = dict.fromkeys((*first, *summary_metrics()))
+    return [name for name in metric_names if name in stored_names][: _RULES.most_metrics]
 
 
 def _selected_runs(data: ReportData, with_series: Sequence[int]) -> Codes:
@@ -209,10 +211,10 @@ def _run_columns(
     data: ReportData, selection: _Selection, table: ToleranceTable | None
 ) -> dict[str, NDArray[Any]]:
     rows, labels = selection.rows, data.labels
-    met, given = data.store.columns.numbers("expectation_met").at(rows)
+    values, is_finite = data.store.columns.numbers("expectation_met").at(rows)
     masks = labels.masks[rows].astype(np.uint64)
     # 2 for a run as expected, 1 for one that is not, 0 without an expectation.
-    expected = np.where(given, np.nan_to_num(met) + 1, 0).astype(np.int64)
+    expected = np.where(is_finite, np.nan_to_num(values) + 1, 0).astype(np.int64)
     # Bits of a mantissa: all of single precision, or enough for three digits.
     all_bits, few_bits = 23, 11
     bits = all_bits if len(rows) <= _RULES.most_precise_runs else few_bits

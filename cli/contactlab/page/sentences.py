@@ -26,27 +26,29 @@ def tradeoff_sentence(report: TradeoffReport) -> str:
     every, chosen = report.configurations, report.recommendation
     feasible = [configuration for configuration in every if configuration.feasible]
     are = "configuration is" if len(every) == 1 else "configurations are"
-    said = f"{len(feasible):,} of {len(every):,} {are} within every tolerance"
+    sentence = f"{len(feasible):,} of {len(every):,} {are} within every tolerance"
     if chosen is None:
-        return f"{said}; none can be recommended."
+        return f"{sentence}; none can be recommended."
     what = _settings_in_words(chosen.configuration, report.varying)
-    timed = [
+    timed_configurations = [
         configuration
         for configuration in feasible
         if configuration.error is not None and configuration.time
     ]
-    finest = min(timed, key=lambda configuration: configuration.error or 0.0, default=None)
+    finest = min(
+        timed_configurations, key=lambda configuration: configuration.error or 0.0, default=None
+    )
     if finest is None or finest.configuration == chosen.configuration or not chosen.time:
-        return f"{said}; the recommended {what} is the most accurate of them."
+        return f"{sentence}; the recommended {what} is the most accurate of them."
     ratio = (finest.time or 0.0) / chosen.time
     other = _settings_in_words(finest.configuration, report.varying)
     pace = f"takes {ratio:.3g} times as long as the recommended {what}"
-    return f"{said}; the most accurate, {other}, {pace}."
+    return f"{sentence}; the most accurate, {other}, {pace}."
 
 
 def _settings_in_words(values: Mapping[str, Setting], names: Sequence[str]) -> str:
-    told = [f"{name} {setting_text(values[name])}" for name in names]
-    return " with ".join(told) or "the only one"
+    phrases = [f"{name} {setting_text(values[name])}" for name in names]
+    return " with ".join(phrases) or "the only one"
 
 
 class ComparedSettings(NamedTuple):
@@ -60,19 +62,19 @@ class ComparedSettings(NamedTuple):
 def compared_settings(data: ReportData) -> list[ComparedSettings]:
     """Return the settings of a store whose runs were compared with recordings."""
     [reality] = data.quantities_named("reality")
-    measured = np.flatnonzero(np.isfinite(reality.values))
+    measured_rows = np.flatnonzero(np.isfinite(reality.values))
     knobs = _list_varying_knobs(data)
-    groups = combination_codes(knobs, len(reality.values))[measured]
+    groups = combination_codes(knobs, len(reality.values))[measured_rows]
     several = len(np.unique(groups))
     enough = next(
-        ([axis] for axis in knobs if len(np.unique(axis.codes[measured])) == several), knobs
+        ([axis] for axis in knobs if len(np.unique(axis.codes[measured_rows])) == several), knobs
     )
-    found: list[ComparedSettings] = []
+    compared: list[ComparedSettings] = []
     for group in np.unique(groups).tolist():
-        rows = measured[groups == group]
+        rows = measured_rows[groups == group]
         name = " with ".join(f"{axis.name} {axis.ticks[axis.codes[rows[0]]]}" for axis in enough)
-        found.append(ComparedSettings(rows, float(reality.values[rows].mean()), name))
-    return sorted(found, key=lambda settings: settings.distance)
+        compared.append(ComparedSettings(rows, float(reality.values[rows].mean()), name))
+    return sorted(compared, key=lambda settings: settings.distance)
 
 
 def _list_varying_knobs(data: ReportData) -> list[GridAxis]:
@@ -137,5 +139,5 @@ def closest_settings(data: ReportData) -> tuple[list[str], list[list[str]], list
 
 
 def _mean_of_finite(values: Floats) -> str:
-    known = values[np.isfinite(values)]
-    return f"{known.mean():.3g}" if len(known) else "-"
+    finite = values[np.isfinite(values)]
+    return f"{finite.mean():.3g}" if len(finite) else "-"

@@ -49,10 +49,10 @@ def slope_runs(store: Store) -> Rows:
     if store.manifest.traces_left_out or store.manifest.traces < _RULES.least_runs:
         return []
     records = filter(_is_still, store.records(store.columns.has_value("trace_file")))
-    found = (
+    run_rows = (
         _slope_run(store.trace(record), record) for record in islice(records, _RULES.most_records)
     )
-    rows = [row for row in found if row is not None]
+    rows = [row for row in run_rows if row is not None]
     sloped = sum(row["angle"] > _RULES.least_angle_deg for row in rows)
     return rows if sloped >= _RULES.least_runs else []
 

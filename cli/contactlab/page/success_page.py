@@ -34,8 +34,8 @@ def _find_moment(report: SuccessReport) -> Moment | None:
     if parting := report.parting:
         words = f"left as written, a success that is not physical; right {parting.variant}, where "
         words += f"it is lost: they part at {parting.time:.2f} s"
-        written, variant = parting.runs
-        return Moment(written, body, parting.time, parting.time, words, variant)
+        original, variant = parting.runs
+        return Moment(original, body, parting.time, parting.time, words, variant)
     failing = [loss for loss in report.losses if loss.kind == "contact" and loss.time is not None]
     for loss in failing[:1]:
         assert loss.time is not None

@@ -79,8 +79,8 @@ class Match:
     def _computation_failure(self, error: ExpressionError, row: Mapping[str, object]) -> Diagnostic:
         place = self.inside.narrow_range(error.start, error.width) if self.inside else self.place
         names = cast("Expression", self.expression).names
-        known = self._with_parts(row)
-        values = ", ".join(f"{name} = {known[name]}" for name in names)
+        all_values = self._with_parts(row)
+        values = ", ".join(f"{name} = {all_values[name]}" for name in names)
         return Diagnostic("bad-expression", str(error), place, f"at {values}" if values else "")
 
 

@@ -102,9 +102,9 @@ def _read_cells(source: SourceText, number: int) -> Iterator[tuple[str, Place]]:
 def _parse_cell(text: str) -> object:
     if text.lower() in {"true", "false"}:
         return text.lower() == "true"
-    for read in (int, float):
+    for parse_number in (int, float):
         try:
-            return read(text)
+            return parse_number(text)
         except ValueError:
             continue
     return text

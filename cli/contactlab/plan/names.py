@@ -38,10 +38,10 @@ def check_names(context: SweepContext) -> None:
     # Axes and effects are known, given once, and without conflicts.
     # `base` is for the effects without their own entry.
     effects = [name for name in document.mapping_at("effects") if name != "base"]
-    named = [(name, path, "axis") for name, path in context.swept]
-    named += [(name, ("effects", name), "effect") for name in effects]
+    swept_names = [(name, path, "axis") for name, path in context.swept]
+    swept_names += [(name, ("effects", name), "effect") for name in effects]
     places: dict[str, Place] = {}
-    for name, path, kind in named:
+    for name, path, kind in swept_names:
         place = document.key_place(path)
         check_axis(context, name, place, kind)
         if name in places:
@@ -82,7 +82,7 @@ def check_axis(context: SweepContext, name: str, place: Place, kind: str = "axis
     if context.find_axis(name) is None:
         keys = () if place.source.numbered else Sweep.model_fields
         offered = (*context.vocabulary.axes, *keys, *context.vocabulary.coordinates)
-        known = ["seeds"] if name == "seed" else [*offered]
+        offered_names = ["seeds"] if name == "seed" else [*offered]
         if name in _ABSENT_AXES:
             context.document.add_mistake(f"unknown-{kind}", place, *_ABSENT_AXES[name])
             return
@@ -90,7 +90,7 @@ def check_axis(context: SweepContext, name: str, place: Place, kind: str = "axis
             message, hint = f"unknown {kind} '{name}'", "controls belong to `drive` or a keyframe"
             context.document.add_mistake(f"unknown-{kind}", place, message, hint)
             return
-        _add_unknown_name(context.document, kind, name, place, known)
+        _add_unknown_name(context.document, kind, name, place, offered_names)
 
 
 def check_conflicts(context: SweepContext, places: dict[str, Place]) -> None:
@@ -120,12 +120,14 @@ def check_drive(context: SweepContext) -> None:
     """Add a mistake for a drive of the sweep that cannot be used, such as a missing file."""
     document, drive, check = context.document, context.sweep.drive, context.vocabulary
     if drive and check.mistake_in_drive and (mistake := check.mistake_in_drive(drive)):
-        written = document.mapping_at("drive")
-        given = [key for key in ("policy", "file", "files") if key in written]
+        drive_mapping = document.mapping_at("drive")
+        source_keys = [key for key in ("policy", "file", "files") if key in drive_mapping]
         # A missing file is that of the key with its name.
-        files = {key: str(written[key]).strip("[]'").partition(":")[0] for key in given}
-        named = [key for key in given if Path(files[key]).name in mistake.partition(";")[0]]
-        keys = (named or given)[:1]
+        files = {key: str(drive_mapping[key]).strip("[]'").partition(":")[0] for key in source_keys}
+        mistaken_keys = [
+            key for key in source_keys if Path(files[key]).name in mistake.partition(";")[0]
+        ]
+        keys = (mistaken_keys or source_keys)[:1]
         hint = "relative paths start at the sweep file" * ("no file" in mistake)
         document.add_mistake("drive-file", ("drive", *keys), mistake, hint)
 
@@ -141,40 +143,42 @@ def _check_requirement(context: SweepContext, text: str, path: KeyPath) -> None:
 
 
 def _check_known_names(
-    document: Document, kind: str, known: Collection[str], path: KeyPath
+    document: Document, kind: str, known_names: Collection[str], path: KeyPath
 ) -> None:
     for name in document.mapping_at(*path):
-        if name not in known:
-            _add_unknown_name(document, kind, name, document.key_place((*path, name)), known)
+        if name not in known_names:
+            _add_unknown_name(document, kind, name, document.key_place((*path, name)), known_names)
 
 
 def _add_unknown_name(
-    document: Document, kind: str, name: str, place: Place, known: Collection[str]
+    document: Document, kind: str, name: str, place: Place, known_names: Collection[str]
 ) -> None:
-    few = f"known: {', '.join(known)}" if 0 < len(known) <= 12 else ""
+    few = f"known: {', '.join(known_names)}" if 0 < len(known_names) <= 12 else ""
     hint = (
-        suggestion(name, known) or few or f"`contactlab {_LIST_COMMANDS.get(kind, 'list')}` has all"
+        suggestion(name, known_names)
+        or few
+        or f"`contactlab {_LIST_COMMANDS.get(kind, 'list')}` has all"
     )
     document.add_mistake(f"unknown-{kind}", place, f"unknown {kind} '{name}'", hint)
 
 
 def read_condition(
-    context: SweepContext, condition: Condition, path: KeyPath, known: Collection[str]
+    context: SweepContext, condition: Condition, path: KeyPath, axis_names: Collection[str]
 ) -> Match:
     """Return a condition on known axes with canonical values. Add its mistakes to the document."""
     document = context.document
     settings: list[tuple[str, object]] = []
     for name, raw in condition.settings.items():
-        if name in known:
+        if name in axis_names:
             settings.append(
                 (name, context.canonical_value(name, raw, document.value_place((*path, name))))
             )
         else:
-            add_not_swept(context, name, document.key_place((*path, name)), known)
+            add_not_swept(context, name, document.key_place((*path, name)), axis_names)
     if condition.where is None:
         return Match(tuple(settings), None, document.value_place(path))
-    specs = [spec for name in known if (spec := context.find_axis(name))]
-    names = (*known, *(part for spec in specs for part in spec.parts))
+    specs = [spec for name in axis_names if (spec := context.find_axis(name))]
+    names = (*axis_names, *(part for spec in specs for part in spec.parts))
     where, text = document.value_place((*path, "where")), condition.where
     # The first character: a quoted text begins one later, and one with escapes has no such place.
     begins = [skip for skip in (0, 1) if where.text[where.column - 1 + skip :].startswith(text)]

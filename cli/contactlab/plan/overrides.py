@@ -41,9 +41,9 @@ class FlagSetting(str):
 
     def __new__(cls, setting: str, flag: str) -> Self:
         """Return the setting, with the flag."""
-        made = super().__new__(cls, setting)
-        made.flag = flag
-        return made
+        instance = super().__new__(cls, setting)
+        instance.flag = flag
+        return instance
 
 
 @dataclass(frozen=True)
@@ -85,15 +85,15 @@ def drive_option(text: str | None) -> Drive | None:
         where = [f"{part}:" for part in first["loc"] if not str(part).startswith("@")]
         # A word that begins one of the forms is not a misspelled word.
         near = "" if text in {"noise", "kp"} else did_you_mean(text or "", DRIVE_WORDS)
-        wanted = first["msg"].replace("Input should be '", "write '")
-        wanted = wanted.replace("Input should be", "write a number")
+        advice = first["msg"].replace("Input should be '", "write '")
+        advice = advice.replace("Input should be", "write a number")
         if first["type"] == "drive_form":
-            wanted = (
+            advice = (
                 f"write {', '.join(DRIVE_WORDS)}, noise=0.3,rate=10, kp=400,kd=10,rate=500, "
                 "FILE.csv or FILE.py:CLASS"
             )
-        said = " ".join([f"--drive {text}:", *where, wanted])
-        raise SweepFileError(f"{said}{near}") from error
+        problem = " ".join([f"--drive {text}:", *where, advice])
+        raise SweepFileError(f"{problem}{near}") from error
 
 
 def apply_settings(document: Document, settings: Sequence[str]) -> None:
@@ -111,7 +111,7 @@ def apply_settings(document: Document, settings: Sequence[str]) -> None:
             message = f"'{option.name}' is an axis of a zip block"
             document.add_mistake("set-zipped", option.key, message, "change the block in the file")
         else:
-            role, known = document.mapping_at(*path).get("role"), len(document.mistakes)
+            role, mistake_count = document.mapping_at(*path).get("role"), len(document.mistakes)
             parent = document.replace_value(path, option.key)
             document.values[path] = option.place
             if path[0] == "axes":
@@ -124,7 +124,7 @@ def apply_settings(document: Document, settings: Sequence[str]) -> None:
                     value = read_argument(
                         document, path, f" {option.value} ", place.source, place.column
                     )
-            if len(document.mistakes) > known:
+            if len(document.mistakes) > mistake_count:
                 # The name stays known, and no further mistakes are reported for it.
                 document.unreadable |= {option.key, option.place}
                 document.values[path] = option.place
@@ -133,22 +133,25 @@ def apply_settings(document: Document, settings: Sequence[str]) -> None:
 
 
 def _axis_value(document: Document, option: ParsedOption, path: KeyPath, role: object) -> object:
-    kept = {} if role is None else {"role": role}
+    role_entry = {} if role is None else {"role": role}
     call, place = _CALL.fullmatch(option.value), option.place
     if option.value == "all":
         return "all"
     if form := parse_unit_range(option.value):
-        return {**form, **kept}
+        return {**form, **role_entry}
     if call is None:
-        values = _listed_values(document, option, (*path, "values") if kept else path)
-        return {"values": values, **kept} if kept else values
+        values = _listed_values(document, option, (*path, "values") if role_entry else path)
+        return {"values": values, **role_entry} if role_entry else values
     form = (*path, call[1])
     document.keys[form] = place.narrow_range(0, len(call[1]))
     if call[1] not in FORMS:
         hint = suggestion(call[1], FORMS) or f"one of: {', '.join(FORMS)}"
         document.add_mistake("unknown-key", document.keys[form], f"no form '{call[1]}'", hint)
     column = place.column + call.start(2)
-    return {call[1]: read_argument(document, form, f"[{call[2]}]", place.source, column), **kept}
+    return {
+        call[1]: read_argument(document, form, f"[{call[2]}]", place.source, column),
+        **role_entry,
+    }
 
 
 def read_filters(

@@ -64,8 +64,8 @@ def halve_cells(codes: Codes, stride: int) -> HalvedCells:
     while waiting:
         cell = waiting.pop()
         box, half = codes[cell.box], cell.steps // 2
-        known = box[box != UNKNOWN]
-        if not half or (known == known[:1]).all():
+        known_codes = box[box != UNKNOWN]
+        if not half or (known_codes == known_codes[:1]).all():
             cells.append(cell)
             continue
         middle = (slice(None, None, half),) * codes.ndim
@@ -80,21 +80,21 @@ def halve_cells(codes: Codes, stride: int) -> HalvedCells:
 
 def infer_codes(codes: Codes, cells: Iterable[Cell]) -> Codes:
     """Return the outcome of each point: its own, or that of the uniform cell around it."""
-    found = codes.copy()
+    inferred = codes.copy()
     for cell in cells:
-        box = found[cell.box]
-        known = box[box != UNKNOWN]
-        if known.size and (known == known[0]).all():
-            box[...] = known[0]
-    return found
+        box = inferred[cell.box]
+        known_codes = box[box != UNKNOWN]
+        if known_codes.size and (known_codes == known_codes[0]).all():
+            box[...] = known_codes[0]
+    return inferred
 
 
 def corners_of(cells: Iterable[Cell], shape: tuple[int, ...]) -> Mask:
     """Return a mask of the points of a grid that are corners of cells."""
-    found = np.zeros(shape, bool)
+    corners = np.zeros(shape, bool)
     for cell in cells:
-        found[cell.corners] = True
-    return found
+        corners[cell.corners] = True
+    return corners
 
 
 def next_points(codes: Codes, stride: int, probe: float, ranks: NDArray[np.intp]) -> Mask:
@@ -110,22 +110,25 @@ def next_points(codes: Codes, stride: int, probe: float, ranks: NDArray[np.intp]
         probe: number of points to run within uniform cells, as a share of the cells' corners.
         ranks: (n, ...) order of choice of such points.
     """
-    seen = np.zeros(codes.shape, bool)
+    is_requested = np.zeros(codes.shape, bool)
     while True:
-        found = halve_cells(np.where(seen, codes, UNKNOWN), stride)
-        requested = found.needed
+        halved = halve_cells(np.where(is_requested, codes, UNKNOWN), stride)
+        requested = halved.needed
         if not requested.any():
             # Choose further points within uniform cells, in the order of their ranks.
-            corners = corners_of(found.cells, codes.shape)
-            probed, required = int((seen & ~corners).sum()), math.ceil(probe * int(corners.sum()))
-            requested = np.zeros(seen.shape, bool)
-            free = np.flatnonzero(~seen)
+            corners = corners_of(halved.cells, codes.shape)
+            probed, required = (
+                int((is_requested & ~corners).sum()),
+                math.ceil(probe * int(corners.sum())),
+            )
+            requested = np.zeros(is_requested.shape, bool)
+            free = np.flatnonzero(~is_requested)
             first = free[np.argsort(ranks.flat[free])[: max(0, required - probed)]]
             requested.flat[first] = True
         if not requested.any():
             return requested
-        seen |= requested
-        if (missing := seen & (codes == UNKNOWN)).any():
+        is_requested |= requested
+        if (missing := is_requested & (codes == UNKNOWN)).any():
             return missing
 
 
@@ -173,9 +176,9 @@ class Lattice:
     @property
     def ranks(self) -> NDArray[np.intp]:
         """(n, ...) the order of its probes, which differs between lattices."""
-        named = repr((sorted(self.shared.items()), self.seed))
-        drawn = np.random.default_rng(zlib.crc32(named.encode()))
-        return drawn.permutation(self.places.size).reshape(self.places.shape)
+        seed_text = repr((sorted(self.shared.items()), self.seed))
+        generator = np.random.default_rng(zlib.crc32(seed_text.encode()))
+        return generator.permutation(self.places.size).reshape(self.places.shape)
 
 
 def group_lattices(
@@ -187,17 +190,17 @@ def group_lattices(
     """
     steps = [{value: step for step, value in enumerate(values)} for values in axes.values()]
     shape = tuple(map(len, steps))
-    found = dict[object, Lattice]()
+    lattices = dict[object, Lattice]()
     for place, values, seed in runs:
         point = [step.get(values.get(name)) for name, step in zip(axes, steps, strict=True)]
         if None in point:
             continue
         shared = {name: value for name, value in values.items() if name not in axes}
         key = *shared.items(), seed
-        if key not in found:
-            found[key] = Lattice(shared, seed, np.full(shape, UNKNOWN, np.int64))
-        found[key].places[tuple(point)] = place
-    return [*found.values()]
+        if key not in lattices:
+            lattices[key] = Lattice(shared, seed, np.full(shape, UNKNOWN, np.int64))
+        lattices[key].places[tuple(point)] = place
+    return [*lattices.values()]
 
 
 def first_stride(refine: Refine) -> int | None:

@@ -69,14 +69,14 @@ class SweepContext(Draft):
                 hint = "write a finite number"
                 self.document.add_mistake("not-finite", place, f"'{name}' must be finite", hint)
                 return UNREADABLE
-        measured = without_unit(value, spec.unit)
+        magnitude = without_unit(value, spec.unit)
         try:
-            return spec.parse(value if measured is None else measured)
+            return spec.parse(value if magnitude is None else magnitude)
         except ValueError as error:
             close = did_you_mean(value, spec.choices) if isinstance(value, str) else ""
-            written = list(cast("tuple[object]", value)) if isinstance(value, tuple) else value
-            message = f"{written!r} is not a value of '{name}'"
-            other = spec.unit and measured is None and without_unit(value) is not None
+            plain_value = list(cast("tuple[object]", value)) if isinstance(value, tuple) else value
+            message = f"{plain_value!r} is not a value of '{name}'"
+            other = spec.unit and magnitude is None and without_unit(value) is not None
             hint = (
                 "write a number" + f" in {spec.unit}" * (spec.unit != "1") if other else str(error)
             )
@@ -99,16 +99,16 @@ def zip_blocks(document: Document) -> Iterator[tuple[int, dict[str, object]]]:
         yield index, document.mapping_at("zip", index)
 
 
-def listed_values(axis: Axis, known: Sequence[object] = ()) -> Sequence[object]:
+def listed_values(axis: Axis, all_values: Sequence[object] = ()) -> Sequence[object]:
     """Return the values of an axis that is not sampled, in order, not yet canonical.
 
-    `known` are all values of the axis, if they are few.
+    `all_values` are those of the axis, if they are few.
     """
     match axis:
         case "all" | Drawn():
-            count, seed = (len(known), 0) if axis == "all" else (axis.sample, axis.seed)
-            drawn = np.random.default_rng(seed).permutation(len(known))[:count]
-            return [known[place] for place in sorted(drawn.tolist())]
+            count, seed = (len(all_values), 0) if axis == "all" else (axis.sample, axis.seed)
+            places = np.random.default_rng(seed).permutation(len(all_values))[:count]
+            return [all_values[place] for place in sorted(places.tolist())]
         case Linspace(linspace=(first, last, count)):
             start, stride = (
                 _exact_decimal(first),
@@ -275,14 +275,16 @@ def read_blocks(context: SweepContext) -> tuple[Block, ...] | None:
 
 
 def _axis_values(context: SweepContext, path: KeyPath, axis: Axis) -> list[object]:
-    name, written = str(path[-1]), isinstance(axis, Values | tuple)
+    name, is_written = str(path[-1]), isinstance(axis, Values | tuple)
     below = (*path, axis.form_key()) if isinstance(axis, Ranged) else path
-    known = _known_values(context, name)
+    all_values = _known_values(context, name)
     least = axis.sample if isinstance(axis, Drawn) else int(axis == "all")
-    if context.find_axis(name) and len(known) < least:
-        message = f"'{name}' has {len(known) or 'no'} listed values of its own"
+    if context.find_axis(name) and len(all_values) < least:
+        message = f"'{name}' has {len(all_values) or 'no'} listed values of its own"
         context.document.add_mistake("bad-value", below, message, "write a list: [...]")
-    return _canonical_column(context, name, listed_values(axis, known), below, written=written)
+    return _canonical_column(
+        context, name, listed_values(axis, all_values), below, is_written=is_written
+    )
 
 
 def _known_values(context: SweepContext, name: str) -> Sequence[object]:
@@ -291,13 +293,13 @@ def _known_values(context: SweepContext, name: str) -> Sequence[object]:
 
 
 def _canonical_column(
-    context: SweepContext, name: str, values: Sequence[object], path: KeyPath, *, written: bool
+    context: SweepContext, name: str, values: Sequence[object], path: KeyPath, *, is_written: bool
 ) -> list[object]:
     column: list[object] = []
     for index, value in enumerate(values):
-        place = context.document.value_place((*path, index) if written else path)
+        place = context.document.value_place((*path, index) if is_written else path)
         column.append(context.canonical_value(name, value, place))
-        if column[-1] is UNREADABLE and not written:
+        if column[-1] is UNREADABLE and not is_written:
             break
     return column
 
@@ -332,8 +334,8 @@ def _sampled_blocks(context: SweepContext, axes: Mapping[str, Sampled]) -> list[
         message = f"'{name}' is sampled, but there is no `sample`"
         hint = "add sample: {method: sobol, n: 64}"
         document.add_mistake("sample-missing", document.key_place(("axes", name)), message, hint)
-    written = (path[2] for path in document.keys if path[0] == "axes" and len(path) == 3)
-    if sample and not {"uniform", "loguniform"}.intersection(written):
+    axis_keys = (path[2] for path in document.keys if path[0] == "axes" and len(path) == 3)
+    if sample and not {"uniform", "loguniform"}.intersection(axis_keys):
         hint = "give an axis as {uniform: [low, high]} or {loguniform: [low, high]}"
         document.add_mistake(
             "sample-unused", document.key_place(("sample",)), "no axis is sampled", hint
@@ -349,8 +351,8 @@ def _sampled_blocks(context: SweepContext, axes: Mapping[str, Sampled]) -> list[
     columns: list[list[object]] = []
     for index, (name, axis) in enumerate(axes.items()):
         spec, path = context.find_axis(name), ("axes", name, axis.form_key())
-        bounds = _canonical_column(context, name, _sampled_bounds(axis), path, written=True)
+        bounds = _canonical_column(context, name, _sampled_bounds(axis), path, is_written=True)
         if spec is not None and UNREADABLE not in bounds:
             values = sampled_values(axis, spec, cube[:, index])
-            columns.append(_canonical_column(context, name, values, path, written=False))
+            columns.append(_canonical_column(context, name, values, path, is_written=False))
     return [Block(tuple(axes), tuple(zip(*columns, strict=False)))]

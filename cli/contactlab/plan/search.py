@@ -29,9 +29,9 @@ def searched_axes(sweep: Sweep) -> tuple[str, ...]:
     assert sweep.search is not None
     if sweep.search.axes:
         return sweep.search.axes
-    drawn = [name for name, axis in sweep.axes.items() if isinstance(axis, Sampled)]
+    sampled_axes = [name for name, axis in sweep.axes.items() if isinstance(axis, Sampled)]
     grids = (name for name, axis in sweep.axes.items() if isinstance(axis, _GRID_KINDS))
-    return tuple(drawn or grids)
+    return tuple(sampled_axes or grids)
 
 
 _GRID_KINDS = Linspace | Logspace | Range
@@ -49,8 +49,8 @@ def write_out_searched(document: Document) -> None:
         )
         for name in document.mapping_at("axes")
     }
-    drawn = [name for name, form in forms.items() if form.endswith("uniform")]
-    if names := drawn or [name for name, form in forms.items() if form]:
+    sampled_axes = [name for name, form in forms.items() if form.endswith("uniform")]
+    if names := sampled_axes or [name for name, form in forms.items() if form]:
         search["axes"] = names
 
 
@@ -111,13 +111,13 @@ class Trials:
         self._before = frozenset[int]()  # points tried before this round
         self._waiting: list[tuple[Floats, float]] | None = None  # descents that have not ended
 
-    def next_points(self, measured: Mapping[int, float | None]) -> list[int]:
+    def next_points(self, results: Mapping[int, float | None]) -> list[int]:
         """Return the points to try next; none once the allowed number or all are tried.
 
-        `measured` has the results of points by place; None if a point could not be measured.
+        `results` are the metrics of points by place; None if a point could not be measured.
         """
-        self._measured = measured
-        while not (unknown := [place for place in self._tried if place not in measured]):
+        self._measured = results
+        while not (unknown := [place for place in self._tried if place not in results]):
             self._before = frozenset(self._tried)
             self._add_next_trials()
             if len(self._tried) == len(self._before):
@@ -140,8 +140,8 @@ class Trials:
         elif len(self._tried) == len(self._before) < self._most:
             self._add_next_trials()
 
-    def _nearest_places(self, wanted: Floats) -> list[int]:
-        places: list[int] = np.asarray(self._nearest(wanted)[1]).tolist()
+    def _nearest_places(self, points: Floats) -> list[int]:
+        places: list[int] = np.asarray(self._nearest(points)[1]).tolist()
         return places
 
     def _add_trials(self, places: Iterable[int]) -> None:
@@ -149,13 +149,13 @@ class Trials:
             if len(self._tried) < self._most:
                 self._tried[place] = None
 
-    def _trial_cost(self, wanted: Floats) -> float:
+    def _trial_cost(self, point: Floats) -> float:
         """Return the minimised value at the point nearest to (k,).
 
         A _PauseError says that the point is tried in this round, or that no more trials are
         allowed.
         """
-        (place,) = self._nearest_places(wanted[None])
+        (place,) = self._nearest_places(point[None])
         if place not in self._before:
             self._add_trials([place])
             raise _PauseError
@@ -166,13 +166,13 @@ class Trials:
     def _sorted_descents(self, starts: Floats) -> list[tuple[Floats, float]]:
         """Return starts and sides of simplexes: the best first, at a distance from better ones."""
         apart = len(starts) ** (-1 / self._axes)
-        found = list[tuple[Floats, float]]()
+        descents = list[tuple[Floats, float]]()
         for place in np.argsort(
             [self._trial_cost(start) for start in starts], kind="stable"
         ).tolist():
-            if all(np.abs(starts[place] - better).max() > apart for better, _ in found):
-                found.append((starts[place], apart / 2))
-        return found
+            if all(np.abs(starts[place] - better).max() > apart for better, _ in descents):
+                descents.append((starts[place], apart / 2))
+        return descents
 
     def _is_finished(self, start: Floats, side: float) -> bool:
         from scipy.optimize import minimize  # noqa: PLC0415 - it takes a while to load
@@ -218,8 +218,8 @@ def check_search(context: SweepContext) -> None:
     if search is None:
         return
     place = document.value_place(("search", "maximise" if search.maximise else "minimise"))
-    metrics, written = context.vocabulary.metrics, search.maximise or search.minimise
-    if written == MARGIN_OF_MUST:
+    metrics, metric = context.vocabulary.metrics, search.maximise or search.minimise
+    if metric == MARGIN_OF_MUST:
         check_asked(context, place)
     elif search.metric not in metrics:
         near = [*metrics, MARGIN_OF_MUST]
@@ -240,10 +240,10 @@ def check_search(context: SweepContext) -> None:
 def check_choices(context: SweepContext) -> None:
     """Add a mistake if more than one key chooses the runs."""
     sweep = context.sweep
-    given = [name for name in CHOICES if getattr(sweep, name) is not None]
-    if len(given) > 1:
-        place = context.document.key_place((given[1],))
-        message = f"`{given[0]}` and `{given[1]}` both choose the runs of the sweep"
+    choice_keys = [name for name in CHOICES if getattr(sweep, name) is not None]
+    if len(choice_keys) > 1:
+        place = context.document.key_place((choice_keys[1],))
+        message = f"`{choice_keys[0]}` and `{choice_keys[1]}` both choose the runs of the sweep"
         context.document.add_mistake("two-choices", place, message, "leave one of them out")
 
 

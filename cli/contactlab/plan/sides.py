@@ -88,7 +88,7 @@ def _amount_in_si(amount: re.Match[str]) -> str:
 def check_asked(context: SweepContext, place: Place) -> None:
     """Add a mistake unless a sweep, or its scene, has a requirement of some run."""
     sweep, asks = context.sweep, context.vocabulary.asks
-    if not (asks or sweep.must or any(asked.must for asked in sweep.expect)):
+    if not (asks or sweep.must or any(expectation.must for expectation in sweep.expect)):
         message, hint = (
             "neither the sweep nor its scene has requirements of any run",
             "add must: [...], such as still(BODY)",
@@ -105,7 +105,7 @@ def check_limit(
     """
     document, metrics = context.document, context.vocabulary.metrics
     place = document.value_place(path)
-    known = f"{', '.join(words)}{others}"
+    known_words = f"{', '.join(words)}{others}"
     if text == "must":
         check_asked(context, place)
     if text in words:
@@ -113,7 +113,7 @@ def check_limit(
     try:
         expression = read_limit(text)
     except ExpressionError as error:
-        hint = f"write {known}, or METRIC > VALUE"
+        hint = f"write {known_words}, or METRIC > VALUE"
         document.add_mistake("bad-expression", place, str(error), hint)
         return
     unknown = [name for name in expression.names if name not in metrics]
@@ -123,4 +123,4 @@ def check_limit(
         document.add_mistake("unknown-metric", place, f"unknown metric '{name}'", hint)
     if not unknown and not _COMPARISON_PATTERN.search(text):
         message = f"'{text}' has no limit with runs on both sides"
-        document.add_mistake("no-limit", place, message, f"write {text} > VALUE, or {known}")
+        document.add_mistake("no-limit", place, message, f"write {text} > VALUE, or {known_words}")

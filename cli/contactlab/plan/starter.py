@@ -129,8 +129,10 @@ def _other_choices(name: str, own: object, vocabulary: Vocabulary) -> Sequence[s
 
 def _axis_line(name: str, values: Sequence[object], vocabulary: Vocabulary) -> str:
     line = f"{name}: [{', '.join(map(_yaml_value, values))}]"
-    left = [word for word in _other_choices(name, values[0], vocabulary) if word not in values]
-    return f"{line}   # also {', '.join(left)}" if left else line
+    other_words = [
+        word for word in _other_choices(name, values[0], vocabulary) if word not in values
+    ]
+    return f"{line}   # also {', '.join(other_words)}" if other_words else line
 
 
 def _yaml_value(value: object) -> str:

@@ -49,8 +49,8 @@ class TaskOptions:
     def variant(self) -> list[str]:
         """The replaced start, drive and duration in words, for the name of a folder."""
         drive = None if self.drive is None else drive_text(self.drive)
-        named = {"keyframe": self.keyframe, "drive": drive, "duration": self.duration}
-        return [f"{name}={value}" for name, value in named.items() if value is not None]
+        options = {"keyframe": self.keyframe, "drive": drive, "duration": self.duration}
+        return [f"{name}={value}" for name, value in options.items() if value is not None]
 
 
 AS_INFERRED = TaskOptions()

@@ -65,7 +65,7 @@ def add_validation_errors(
     document: Document, error: ValidationError, model: type[BaseModel] = Sweep
 ) -> None:
     """Add every validation error to the document, once each, at its place."""
-    seen: set[tuple[str, KeyPath]] = set()
+    reported: set[tuple[str, KeyPath]] = set()
     details = error.errors(include_url=False)
     paths = [file_path(detail["loc"]) for detail in details]
     above = {path[:length] for path in paths for length in range(len(path))}
@@ -74,8 +74,8 @@ def add_validation_errors(
             continue
         entry_of_form = detail["type"] in {"missing", "too_long"} and _is_form(exact[:-1])
         path = exact[:-1] if entry_of_form else exact
-        if (detail["type"], path) not in seen:
-            seen.add((detail["type"], path))
+        if (detail["type"], path) not in reported:
+            reported.add((detail["type"], path))
             kind = detail["type"]
             if kind == "extra_forbidden":
                 _add_unknown_key(document, path, _model_at(detail["loc"][:-1], model))
@@ -100,8 +100,8 @@ def _is_form(path: KeyPath) -> bool:
 
 def _add_unknown_key(document: Document, path: KeyPath, model: type[BaseModel]) -> None:
     name = str(path[-1])
-    known = [field.alias or key for key, field in model.model_fields.items()]
-    hint = suggestion(name, known) or f"known here: {', '.join(known)}"
+    known_keys = [field.alias or key for key, field in model.model_fields.items()]
+    hint = suggestion(name, known_keys) or f"known here: {', '.join(known_keys)}"
     hint = "an axis takes one form" if name in FORMS else hint
     if path == (name,) and name in {"keyframe", "start"}:
         hint = "the start is an axis: write axes: {keyframe: [NAME]}, or use --keyframe NAME"
@@ -153,34 +153,36 @@ def _innermost_key(path: KeyPath) -> str:
     return next((part for part in reversed(path) if isinstance(part, str)), "")
 
 
-def _add_type(document: Document, wanted: str, path: KeyPath) -> None:
+def _add_type(document: Document, kind_words: str, path: KeyPath) -> None:
     data = document.value_at(path)
     kinds = "a mapping" if isinstance(data, dict) else "a list"
     actual = "nothing" if data is None else kinds if isinstance(data, dict | list) else repr(data)
     name = _innermost_key(path)
     subject = f"'{name}' takes" if name else "the file is"
     place = document.key_place(path) if data is None and path else document.value_place(path)
-    hint = _KEY_EXAMPLES.get(name, _KIND_EXAMPLES.get(wanted, "")) if path else _EMPTY_FILE_HINT
+    hint = _KEY_EXAMPLES.get(name, _KIND_EXAMPLES.get(kind_words, "")) if path else _EMPTY_FILE_HINT
     if path and split_unit(data)[1]:
         hint = "write a number, or one with the unit of this metric" if name != "duration" else hint
     message = (
-        f"{subject} {wanted}, not {actual}" if path or data is not None else "the file is empty"
+        f"{subject} {kind_words}, not {actual}" if path or data is not None else "the file is empty"
     )
     document.add_mistake("wrong-type", place, message, hint)
 
 
 def _add_value(document: Document, detail: ErrorDetails, path: KeyPath) -> None:
-    kind, given = detail["type"], str(detail["input"])
+    kind, input_text = detail["type"], str(detail["input"])
     wording, hint = detail["msg"].replace("a finite number", "finite"), ""
     wording = wording.replace("Input should be", "must be").replace("String should", "must")
     if kind == "string_pattern_mismatch":
-        wording = f"has no choice {given!r}"
+        wording = f"has no choice {input_text!r}"
         hint = "write all, flagged, none, sample:N or flagged+sample:N"
     if kind == "literal_error":
         choices = str(detail.get("ctx", {}).get("expected", "")).replace("'", "")
-        hint = suggestion(given, choices.replace(" or ", ", ").split(", ")) or f"write {choices}"
+        hint = (
+            suggestion(input_text, choices.replace(" or ", ", ").split(", ")) or f"write {choices}"
+        )
     if kind == "drive_form":
-        hint = suggestion(given, DRIVE_WORDS) or "write one of these"
+        hint = suggestion(input_text, DRIVE_WORDS) or "write one of these"
     key = _innermost_key(path)
     name = f"'{key}' " if key else ""
     hint = hint or _KEY_EXAMPLES.get(key, "write a finite number" * (kind == "finite_number"))
@@ -221,8 +223,8 @@ class Draft:
 
     def entry_path(self, key: str, index: int, *below: str | int) -> KeyPath:
         """Return the path in the file of an entry of one of the sweep's lists."""
-        kept = self.kept_positions.get(key)
-        return (key, kept[index] if kept else index, *below)
+        positions = self.kept_positions.get(key)
+        return (key, positions[index] if positions else index, *below)
 
 
 def read_draft(document: Document) -> Draft:
@@ -233,12 +235,14 @@ def read_draft(document: Document) -> Draft:
         add_validation_errors(document, error)
         remaining = error
     # Leave out the wrong entries of keys and lists or, if others depend on these, the whole keys.
-    data, kept = document.mapping_at(), dict[str, list[int]]()
+    data, positions = document.mapping_at(), dict[str, list[int]]()
     for depth in (2, 1):
         data, lists = _prune_errors(data, remaining, depth)
-        kept |= lists
+        positions |= lists
         try:
-            return Draft(document, Sweep.model_validate({"version": 1, "scene": "?", **data}), kept)
+            return Draft(
+                document, Sweep.model_validate({"version": 1, "scene": "?", **data}), positions
+            )
         except ValidationError as error:
             remaining = error
     return Draft(document, Sweep(version=1, scene="?"), {})
@@ -249,7 +253,7 @@ def _prune_errors(
 ) -> tuple[dict[str, object], dict[str, list[int]]]:
     bad = {file_path(detail["loc"])[:depth] for detail in error.errors(include_url=False)}
     pruned: dict[str, object] = {}
-    kept: dict[str, list[int]] = {}
+    positions: dict[str, list[int]] = {}
     for key, value in data.items():
         if (key,) in bad:
             continue
@@ -259,6 +263,6 @@ def _prune_errors(
             pruned[key] = {name: part for name, part in inner.items() if (key, name) not in bad}
         elif isinstance(value, list) and depth == 2:
             items = cast("list[object]", value)
-            kept[key] = [index for index in range(len(items)) if (key, index) not in bad]
-            pruned[key] = [items[index] for index in kept[key]]
-    return pruned, kept
+            positions[key] = [index for index in range(len(items)) if (key, index) not in bad]
+            pruned[key] = [items[index] for index in positions[key]]
+    return pruned, positions

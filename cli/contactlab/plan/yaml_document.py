@@ -272,10 +272,10 @@ class _YamlReader:
             if str(key.tag) != f"{_TAG_PREFIX}merge":
                 yield key, value
                 continue
-            for merged in self._merge_sources(value):
-                if str(merged[0].value) not in names:
-                    names.add(str(merged[0].value))
-                    yield merged
+            for entry in self._merge_sources(value):
+                if str(entry[0].value) not in names:
+                    names.add(str(entry[0].value))
+                    yield entry
 
     def _merge_sources(self, node: Node) -> Iterator[tuple[Node, Node]]:
         sources = cast("list[Node]", node.value) if isinstance(node, SequenceNode) else [node]
@@ -324,8 +324,8 @@ _PLAIN_MESSAGES = {
 
 def _syntax_message(error: MarkedYAMLError) -> str:
     problem = str(error.problem or error.context or "not YAML").strip()
-    for known, plain in _PLAIN_MESSAGES.items():
-        if problem.startswith(known):
+    for parser_message, plain in _PLAIN_MESSAGES.items():
+        if problem.startswith(parser_message):
             return plain
     context = f" {error.context}" if error.context and error.problem else ""
     return f"{problem}{context}".replace("<stream end>", "the end of the file")

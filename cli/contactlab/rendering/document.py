@@ -195,17 +195,25 @@ def table_of(
         most: number of rows that are shown; a sentence says where the others are.
         droppable: number of the last columns that a narrow terminal may leave out.
     """
-    shown = rows if most is None else rows[:most]
+    shown_rows = rows if most is None else rows[:most]
     built: list[Column] = []
     for place, column in enumerate(columns):
         if isinstance(column, Column):
             built.append(column)
             continue
-        numeric = bool(shown) and all(isinstance(row[place], int | float) for row in shown)
+        numeric = bool(shown_rows) and all(
+            isinstance(row[place], int | float) for row in shown_rows
+        )
         optional = place >= len(columns) - droppable
         built.append(Column(column, "right" if numeric else "left", droppable=optional))
-    more = f"and {len(rows) - len(shown):,} more, see --format json" if rows[len(shown) :] else ""
-    return Table(tuple(built), tuple(Row(tuple(map(cell_of, row))) for row in shown), more=more)
+    more = (
+        f"and {len(rows) - len(shown_rows):,} more, see --format json"
+        if rows[len(shown_rows) :]
+        else ""
+    )
+    return Table(
+        tuple(built), tuple(Row(tuple(map(cell_of, row))) for row in shown_rows), more=more
+    )
 
 
 def cell_of(value: object) -> Cell:

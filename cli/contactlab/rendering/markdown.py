@@ -56,8 +56,8 @@ def _block_lines(block: Block) -> Iterator[str]:
             yield from ("", "</details>")
         case Facts(entries):
             name = ""
-            for given, text in entries:
-                name = given or name
+            for entry_name, text in entries:
+                name = entry_name or name
                 yield (
                     f"- **{in_markdown(name)}** {in_markdown(text)}"
                     if name

@@ -106,14 +106,18 @@ def _table_lines(table: Table, width: int, paint: Paint) -> Iterator[str]:
     for row, cells in zip(table.rows, rows, strict=True):
         cells[0] = f"{indent if row.group else ''}{cells[0]}"
     widths, least = _column_widths(columns, rows)
-    shown = len(columns)
-    while _total_width(least[:shown]) > width and shown > 1 and columns[shown - 1].droppable:
-        shown -= 1
-    columns, dropped = columns[:shown], columns[shown:]
-    if _total_width(least[:shown]) > width:
+    column_count = len(columns)
+    while (
+        _total_width(least[:column_count]) > width
+        and column_count > 1
+        and columns[column_count - 1].droppable
+    ):
+        column_count -= 1
+    columns, dropped = columns[:column_count], columns[column_count:]
+    if _total_width(least[:column_count]) > width:
         yield from _block_rows(table, rows, width)
         return
-    widths = _fit_widths(widths[:shown], least[:shown], width)
+    widths = _fit_widths(widths[:column_count], least[:column_count], width)
     head = [in_one_line(column.name) for column in columns]
     if any(head) and table.headed:
         yield from _row_lines(columns, head, widths, _keep_text)
@@ -124,7 +128,7 @@ def _table_lines(table: Table, width: int, paint: Paint) -> Iterator[str]:
         if row.group != group:
             group = row.group
             yield from wrap_text(f"{group}:", width).split("\n") if group else ()
-        yield from _row_lines(columns, cells[:shown], widths, paint)
+        yield from _row_lines(columns, cells[:column_count], widths, paint)
         yield from _detail_lines(row, width)
     if dropped:
         names = ", ".join(column.name for column in dropped)

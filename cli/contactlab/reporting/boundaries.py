@@ -89,49 +89,52 @@ def find_boundaries(store: Store) -> Boundaries | None:
         else "not measured"
         for side in coded
     )
-    found = list[Sides]()
+    all_sides = list[Sides]()
     for lattice in group_lattices(runs, axes):
         ran = lattice.places != UNKNOWN
         codes = np.where(ran, of_runs[lattice.places], UNKNOWN)
         shared = {**lattice.shared, "seed": lattice.seed}
         whole = infer_codes(codes, halve_cells(codes, stride).cells)
-        found.append(Sides(shared, names_of_sides, whole, ran))
+        all_sides.append(Sides(shared, names_of_sides, whole, ran))
     units = tuple(columns.described[name].unit for name in axes)
-    return Boundaries(refine.where, identity.whole, units, tuple(found), sweep.limit)
+    return Boundaries(refine.where, identity.whole, units, tuple(all_sides), sweep.limit)
 
 
-def describe_coverage(found: Boundaries) -> str:
+def describe_coverage(boundaries: Boundaries) -> str:
     """Return a sentence on the share of a grid that ran, and on the size of missed islands."""
-    grid, ran = found.grid, sum(int(one.ran.sum()) for one in found.sides)
+    grid, ran = boundaries.grid, sum(int(one.ran.sum()) for one in boundaries.sides)
     inferred = grid.inside - grid.probes
-    told = (
+    coverage = (
         f"{ran:,} of the grid's {grid.runs:,} runs were made; {inferred:,} are inferred from the "
         "corners of their cells"
     )
-    met = smallest_detected_island(grid.inside, grid.probes)
-    if met is None:
-        return f"{told}, and none of those was probed"
+    island = smallest_detected_island(grid.inside, grid.probes)
+    if island is None:
+        return f"{coverage}, and none of those was probed"
     return (
-        f"{told}; {grid.probes:,} probes within those agree, and would have met an island of "
-        f"{met:,} runs or more with 95 %"
+        f"{coverage}; {grid.probes:,} probes within those agree, and would have met an island of "
+        f"{island:,} runs or more with 95 %"
     )
 
 
-def boundary_lines(found: Boundaries) -> Iterator[str]:
+def boundary_lines(boundaries: Boundaries) -> Iterator[str]:
     """Yield where outcomes change along the first refined axis, by the values of the others."""
-    if found.limit is not None:
-        yield from _limit_lines(found, found.limit)
+    if boundaries.limit is not None:
+        yield from _limit_lines(boundaries, boundaries.limit)
         return
     most_grids = 8
-    axes = [_AxisText.of(*axis) for axis in zip(found.grid.axes.items(), found.units, strict=True)]
-    for sides in found.sides[:most_grids]:
-        if len(found.sides) > 1:
+    axes = [
+        _AxisText.of(*axis)
+        for axis in zip(boundaries.grid.axes.items(), boundaries.units, strict=True)
+    ]
+    for sides in boundaries.sides[:most_grids]:
+        if len(boundaries.sides) > 1:
             yield ", ".join(
                 f"{name} {format_setting(value, 4)}" for name, value in sides.shared.items()
             )
         yield from _axis_lines(axes, sides.names, sides.codes)
-    if len(found.sides) > most_grids:
-        yield f"and {len(found.sides) - most_grids:,} more grids, of other seeds or settings"
+    if len(boundaries.sides) > most_grids:
+        yield f"and {len(boundaries.sides) - most_grids:,} more grids, of other seeds or settings"
 
 
 @dataclass(frozen=True)
@@ -182,12 +185,14 @@ def _axis_lines(axes: Sequence[_AxisText], names: Sequence[str], codes: Codes) -
         yield ", then ".join([*parts, sides[-1]]) if changes else f"{sides[0]} throughout"
         return
     layers = np.moveaxis(codes, -1, 0)
-    told = [tuple(_axis_lines(axes[:-1], names, layer)) for layer in layers]
-    groups = [list(group) for _, group in groupby(range(len(told)), key=told.__getitem__)]
+    layer_lines = [tuple(_axis_lines(axes[:-1], names, layer)) for layer in layers]
+    groups = [
+        list(group) for _, group in groupby(range(len(layer_lines)), key=layer_lines.__getitem__)
+    ]
     most_groups = 8 if codes.ndim == 2 else 4
-    shown = np.unique(np.linspace(0, len(groups) - 1, most_groups).round().astype(int))
-    for place in shown[: len(groups)].tolist():
-        first, lines = groups[place][0], told[groups[place][0]]
+    shown_groups = np.unique(np.linspace(0, len(groups) - 1, most_groups).round().astype(int))
+    for place in shown_groups[: len(groups)].tolist():
+        first, lines = groups[place][0], layer_lines[groups[place][0]]
         where = last.where(first, groups[place][-1])
         if codes.ndim == 2:
             yield f"{lines[0]}, {where}"
@@ -196,17 +201,19 @@ def _axis_lines(axes: Sequence[_AxisText], names: Sequence[str], codes: Codes) -
         yield from (f"  {line}" for line in lines)
 
 
-def _limit_lines(found: Boundaries, limit: Limit) -> Iterator[str]:
+def _limit_lines(boundaries: Boundaries, limit: Limit) -> Iterator[str]:
     """Yield the last passing value of an axis in each scenario, over all seeds, and in all of them.
 
     Values count as long as all before them pass.
     """
-    (values,) = found.grid.axes.values()
-    axis = _AxisText.of((limit.axis, values), found.units[0])
+    (values,) = boundaries.grid.axes.values()
+    axis = _AxisText.of((limit.axis, values), boundaries.units[0])
     sound = dict[tuple[tuple[str, object], ...], NDArray[np.bool_]]()
-    for sides in found.sides:
+    for sides in boundaries.sides:
         scenario = tuple(item for item in sides.shared.items() if item[0] != "seed")
-        good = np.array([name in _SOUND or name == f"not {found.where}" for name in sides.names])
+        good = np.array(
+            [name in _SOUND or name == f"not {boundaries.where}" for name in sides.names]
+        )
         sound[scenario] = sound.get(scenario, np.bool_(True)) & good[sides.codes]
     inwards = (
         slice(None)

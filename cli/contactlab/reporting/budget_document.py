@@ -81,9 +81,9 @@ def phase_section(phase: BudgetPhase, begin: float, tolerance: float) -> Section
     )
     rows = [PlacedRow(row, begin) for row in phase.rows if row.exercised]
     drift = phase.energy_drift
-    known = drift is None or abs(drift) >= _NOTHING
+    is_drifting = drift is None or abs(drift) >= _NOTHING
     signed = format_percent(math.inf if drift is None else drift, signed=True)
-    others = [f"energy drift {signed if known else '0 %'}"]
+    others = [f"energy drift {signed if is_drifting else '0 %'}"]
     if phase.upper_bound is not None:
         others.append(f"upper bound of the numerical error {share_text(phase.upper_bound)}")
     others.append(f"not judged: excess path {share_text(phase.excess_path)}")
@@ -99,19 +99,19 @@ def phase_section(phase: BudgetPhase, begin: float, tolerance: float) -> Section
 
 def worst_rows_section(budget: BudgetReport, task: Task) -> Section:
     """Return the numerical error and the rows that matter, each of its worst phase."""
-    found = largest_rows(budget, task)
-    run = found.pop(budget.phases[0].numerical_error.name)
+    rows_by_name = largest_rows(budget, task)
+    run = rows_by_name.pop(budget.phases[0].numerical_error.name)
     shown_share = 0.1  # of the tolerance: rows above it are in the short table
     least = shown_share * budget.tolerance
-    shown = {name: at for name, at in found.items() if row_error(at.row) >= least}
+    large_rows = {name: at for name, at in rows_by_name.items() if row_error(at.row) >= least}
     blocks: list[Block] = [
         Sentence(DEFINITION),
-        budget_table(run, list(shown.values()), budget.tolerance),
+        budget_table(run, list(large_rows.values()), budget.tolerance),
     ]
-    if less := [name for name in found if name not in shown]:
+    if less := [name for name in rows_by_name if name not in large_rows]:
         blocks.append(Sentence(f"below {format_percent(least)}: {', '.join(less)}"))
     rows = dict.fromkeys(row.name for phase in budget.phases for row in phase.rows)
-    blocks += _describe_unexercised([name for name in rows if name not in found])
+    blocks += _describe_unexercised([name for name in rows if name not in rows_by_name])
     return Section(tuple(blocks), "budget")
 
 
@@ -130,13 +130,15 @@ def budget_table(run: PlacedRow, rows: Sequence[PlacedRow], tolerance: float) ->
 def largest_rows(budget: BudgetReport, task: Task) -> dict[str, PlacedRow]:
     """Return the exercised rows, each from the phase where it is largest."""
     begins = phase_begins(task)
-    found: dict[str, PlacedRow] = {}
+    largest: dict[str, PlacedRow] = {}
     for phase in budget.phases:
         for row in (phase.numerical_error, *phase.rows):
-            kept = found.get(row.name)
-            if row.exercised and (kept is None or row_error(row) > row_error(kept.row)):
-                found[row.name] = PlacedRow(row, begins.get(phase.name, 0.0))
-    return found
+            largest_yet = largest.get(row.name)
+            if row.exercised and (
+                largest_yet is None or row_error(row) > row_error(largest_yet.row)
+            ):
+                largest[row.name] = PlacedRow(row, begins.get(phase.name, 0.0))
+    return largest
 
 
 def row_error(row: BudgetRow) -> float:
@@ -170,8 +172,8 @@ def _table_row(placed: PlacedRow, group: str, tolerance: float) -> Row:
     text = format_above(error, tolerance) if error and exceeds else _shorten_share(error)
     where = f"{row.body}{when}" if error is not None and error >= _NOTHING else ""
     ratio = format_amount(row.time_ratio.ratio, "x") if row.time_ratio else ""
-    judged = not group or row.kind in {"numerics", "model"}
-    bar = Bar(_place_along_bar(error or 0.0), _place_along_bar(tolerance), exceeds and judged)
+    is_judged = not group or row.kind in {"numerics", "model"}
+    bar = Bar(_place_along_bar(error or 0.0), _place_along_bar(tolerance), exceeds and is_judged)
     return Row((row.name, text, spread, bar, ratio, where), group, title=row.summary)
 
 

@@ -39,14 +39,14 @@ def known_shares(store: Store) -> tuple[Until, list[KnownShare]] | None:
     if sweep.until is None:
         return None
     counts = counts_for_share(sweep.until.share, labels_with("required"))
-    names, drawn = store.columns.axis_names, sweep.drawn_axes
+    names, drawn_axes = store.columns.axis_names, sweep.drawn_axes
     runs, good = (
         Counter[tuple[tuple[str, object], ...]](),
         Counter[tuple[tuple[str, object], ...]](),
     )
     columns = [*dict.fromkeys([*names, *fields_read_by(sweep.until.share)])]
     for row in store.columns.arrow(columns).to_pylist():
-        configuration = configuration_of({name: row[name] for name in names}, drawn)
+        configuration = configuration_of({name: row[name] for name in names}, drawn_axes)
         runs[configuration] += 1
         good[configuration] += counts(row) is True
     return sweep.until, [
@@ -59,11 +59,11 @@ def share_lines(until: Until, shares: list[KnownShare]) -> Iterator[str]:
     """Yield each share in a line."""
     most_lines = 12
     for share in shares[:most_lines]:
-        named = ", ".join(f"{name} {value}" for name, value in share.configuration)
+        settings = ", ".join(f"{name} {value}" for name, value in share.configuration)
         wide = (share.high - share.low) / 2 > until.half_width
         yield (
             f"{until.share}: {share.good / share.runs:.1%} of {share.runs:,} runs"
-            f"{f' of {named}' if named else ''}, {share.low:.1%} to {share.high:.1%} with "
+            f"{f' of {settings}' if settings else ''}, {share.low:.1%} to {share.high:.1%} with "
             f"{until.sure:.0%}, at any number of draws"
             + (f"; +-{until.half_width:.1%} would take more draws" if wide else "")
         )

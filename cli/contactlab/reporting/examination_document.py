@@ -146,8 +146,8 @@ def findings_of_examinations(report: Examinations) -> Report:
         facts=tuple((one.model, one.headline) for one in report.examinations),
         findings=tuple(
             finding.model_copy(update={"group": one.model})
-            for one, found in zip(report.examinations, each, strict=True)
-            for finding in found.findings
+            for one, model_report in zip(report.examinations, each, strict=True)
+            for finding in model_report.findings
         ),
     )
 
@@ -273,16 +273,16 @@ def _label_blocks(report: Examination) -> Iterator[Block]:
             if phase.body:
                 numerics = f"numerical error {share_text(phase.numerical_error)} in {phase.body}"
             yield Sentence(f"{phase.name}: {numerics}; {runs or 'no failure label'}")
-    told = labels_in_why(report)
+    explained = labels_in_why(report)
     for label in report.labels:
-        if label not in told:
+        if label not in explained:
             yield Sentence(label_line(label, len(report.task.seeds)))
 
 
 def _finding_blocks(report: Examination, *, every: bool) -> Iterator[Block]:
-    shown = [one for one in report.findings if every or one.outcome == "warned"]
-    if shown:
-        rows = tuple(Row((outcome_mark(one.outcome), one.full_message)) for one in shown)
+    shown_findings = [one for one in report.findings if every or one.outcome == "warned"]
+    if shown_findings:
+        rows = tuple(Row((outcome_mark(one.outcome), one.full_message)) for one in shown_findings)
         yield Table((Column(""), Column("")), rows)
     notes = [f"{check.name}: {note}" for check in report.checks for note in check.notes]
     if every and notes:

@@ -88,8 +88,8 @@ def write_finding(
     parts = [_describe_setting(axis, axis.codes[rare]) for axis in bound]
     if not rare[inside].all():
         counts = int(rare.sum()), int(inside.sum())
-        known = "" if share is exact_share else f", {share(*counts)}"
-        some = f"{counts[0]:,} of {counts[1]:,} such runs{known}"
+        share_text = "" if share is exact_share else f", {share(*counts)}"
+        some = f"{counts[0]:,} of {counts[1]:,} such runs{share_text}"
         return f"Every {words.one} has {' and '.join(parts)} ({some})."
     free = [axis.name for axis in swept if within[axis.name].all()]
     rest = f"; {_join_words(free)} {'do' if len(free) > 1 else 'does'} not matter" if free else ""
@@ -104,34 +104,36 @@ def _find_bounds(
     Axes that follow from others are left out. If other outcomes occur within the bounds too, the
     bounds are as few as describe most of the outcome.
     """
-    found: list[tuple[set[str], NDArray[np.bool_]]] = [(set(), np.ones(len(rare), dtype=bool))]
+    narrowings: list[tuple[set[str], NDArray[np.bool_]]] = [(set(), np.ones(len(rare), dtype=bool))]
     for _ in axes:
-        names, inside = found[-1]
+        names, inside = narrowings[-1]
         tightest = min(within, key=lambda name: (within[name] & inside).sum())
         narrowed = inside & within[tightest]
         if narrowed.sum() < inside.sum():
-            found.append((names | {tightest}, narrowed))
+            narrowings.append((names | {tightest}, narrowed))
     enough = (
         bounds
-        for bounds in found[_RULES.few_bounds :]
+        for bounds in narrowings[_RULES.few_bounds :]
         if rare[bounds[1]].mean() >= _RULES.least_outcome_share
     )
-    names, inside = found[-1] if rare[found[-1][1]].all() else next(enough, found[-1])
+    names, inside = (
+        narrowings[-1] if rare[narrowings[-1][1]].all() else next(enough, narrowings[-1])
+    )
     return [axis for axis in axes if axis.name in names], inside
 
 
 def _sufficient_sentence(axes: Sequence[GridAxis], rare: NDArray[np.bool_], words: _Words) -> str:
     """Return a sentence on values that always lead to an outcome; empty for few runs of it."""
     parts: list[str] = []
-    told = np.zeros(len(rare), dtype=bool)
+    covered_runs = np.zeros(len(rare), dtype=bool)
     pure = {axis.name: ~np.isin(axis.codes, axis.codes[~rare]) for axis in axes}
     for axis in sorted(axes, key=lambda axis: -pure[axis.name].sum())[: _RULES.few_bounds]:
-        if (pure[axis.name] & ~told).any():
+        if (pure[axis.name] & ~covered_runs).any():
             parts.append(f"with {_describe_setting(axis, axis.codes[pure[axis.name]])}")
-            told |= pure[axis.name]
-    if told.sum() < _RULES.least_outcome_share * rare.sum():
+            covered_runs |= pure[axis.name]
+    if covered_runs.sum() < _RULES.least_outcome_share * rare.sum():
         return ""
-    covered = f"{told.sum():,} of {rare.sum():,} {words.all_of_them}"
+    covered = f"{covered_runs.sum():,} of {rare.sum():,} {words.all_of_them}"
     return f"Every run {', or '.join(parts)} {words.run_does}: {covered}."
 
 
@@ -149,21 +151,29 @@ def _describe_setting(axis: GridAxis, codes: Codes) -> str:
 
 def _describe_values(axis: GridAxis, codes: Codes) -> str:
     """Return the values of an axis that have some codes: `0.002 or less`, `a or b`."""
-    found = np.flatnonzero(np.bincount(codes)).tolist()
+    present_codes = np.flatnonzero(np.bincount(codes)).tolist()
     ticks, last = axis.ticks, len(axis.ticks) - 1
-    if axis.is_ordered and len(found) > 1 and found == list(range(found[0], found[-1] + 1)):
-        low, high = ticks[found[0]].split(" to ")[0], ticks[found[-1]].split(" to ")[-1]
-        if found[0] == 0:
+    if (
+        axis.is_ordered
+        and len(present_codes) > 1
+        and present_codes == list(range(present_codes[0], present_codes[-1] + 1))
+    ):
+        low, high = (
+            ticks[present_codes[0]].split(" to ")[0],
+            ticks[present_codes[-1]].split(" to ")[-1],
+        )
+        if present_codes[0] == 0:
             return f"{high} or less"
-        return f"{low} or more" if found[-1] == last else f"{low} to {high}"
-    if len(found) > max(_RULES.most_values, len(ticks) / 2):
-        others = [tick for code, tick in enumerate(ticks) if code not in found]
+        return f"{low} or more" if present_codes[-1] == last else f"{low} to {high}"
+    if len(present_codes) > max(_RULES.most_values, len(ticks) / 2):
+        others = [tick for code, tick in enumerate(ticks) if code not in present_codes]
         if len(others) <= _RULES.most_values:
             return f"other than {_join_words(others, 'or')}"
-    listed = [ticks[code] for code in found]
-    rest = len(listed) - _RULES.most_values
+    present_ticks = [ticks[code] for code in present_codes]
+    rest = len(present_ticks) - _RULES.most_values
     return _join_words(
-        listed if rest <= 0 else [*listed[: _RULES.most_values], f"{rest} others"], "or"
+        present_ticks if rest <= 0 else [*present_ticks[: _RULES.most_values], f"{rest} others"],
+        "or",
     )
 
 
@@ -183,8 +193,8 @@ def _extreme_sentence(
     spreads = [0.0 if np.isnan(e).all() else np.nanmax(e) - np.nanmin(e) for e in shares]
     if not any(spreads):
         return f"{rare.sum():,} of {len(rare):,} runs {verb}."
-    axis, found = axes[int(np.argmax(spreads))], shares[int(np.argmax(spreads))]
-    most, least = int(np.nanargmax(found)), int(np.nanargmin(found))
+    axis, axis_shares = axes[int(np.argmax(spreads))], shares[int(np.argmax(spreads))]
+    most, least = int(np.nanargmax(axis_shares)), int(np.nanargmin(axis_shares))
     good, runs = _count_outcomes(axis, rare)
     highest, lowest = (share(int(good[place]), int(runs[place])) for place in (most, least))
     return (

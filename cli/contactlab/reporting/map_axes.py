@@ -46,21 +46,21 @@ class MapAxes:
 
     def count_codes(self, codes: Codes | NDArray[np.bool_], count: int) -> NDArray[np.int64]:
         """Return (cells, count) the number of runs of each cell with each of codes (n,)."""
-        found = np.zeros(self.size * count, np.int64)
+        counts = np.zeros(self.size * count, np.int64)
         for runs in split_blocks(len(codes)):
             combined = self.cells_of(runs) * count + codes[runs]
-            found += np.bincount(combined, minlength=len(found))
-        return found.reshape(self.size, count)
+            counts += np.bincount(combined, minlength=len(counts))
+        return counts.reshape(self.size, count)
 
     @property
     def firsts(self) -> NDArray[np.int64]:
         """The first run of each cell that has any."""
-        found = np.full(self.size, -1)
+        first_runs = np.full(self.size, -1)
         for runs in split_blocks(len(self.x.codes)):
             cells, places = np.unique(self.cells_of(runs), return_index=True)
-            is_new = found[cells] < 0
-            found[cells[is_new]] = runs.start + places[is_new]
-        return found[found >= 0]
+            is_new = first_runs[cells] < 0
+            first_runs[cells[is_new]] = runs.start + places[is_new]
+        return first_runs[first_runs >= 0]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -83,10 +83,10 @@ def most_informative_axes(axes: Sequence[GridAxis], labels: RunLabels) -> MapAxe
 
 def axes_named(axes: Sequence[GridAxis], names: Sequence[str]) -> MapAxes | None:
     """Return the axes of one or two names as those of a map; None unless all differ in runs."""
-    found = [axis for name in names for axis in axes if axis.name == name]
+    chosen_axes = [axis for name in names for axis in axes if axis.name == name]
     return (
-        MapAxes(found[0], found[1] if len(found) > 1 else None)
-        if len(found) == len(names)
+        MapAxes(chosen_axes[0], chosen_axes[1] if len(chosen_axes) > 1 else None)
+        if len(chosen_axes) == len(names)
         else None
     )
 

@@ -87,7 +87,7 @@ def read_report_data(store: Store, criteria: Criteria = DEFAULT_CRITERIA) -> Rep
             raise
         reason = str(error)
     map_axes, quantities = most_informative_axes(axes, labels), Quantities.of(store.columns)
-    found = find_boundaries(store)
-    if found is not None:
-        map_axes = axes_named(axes, tuple(found.grid.axes)[:2]) or map_axes
-    return ReportData(store, axes, labels, quantities, map_axes, report, reason, found)
+    boundaries = find_boundaries(store)
+    if boundaries is not None:
+        map_axes = axes_named(axes, tuple(boundaries.grid.axes)[:2]) or map_axes
+    return ReportData(store, axes, labels, quantities, map_axes, report, reason, boundaries)

@@ -92,8 +92,10 @@ class Quantities:
     @classmethod
     def of(cls, stored: RunColumns) -> "Quantities":
         """Return those of a table."""
-        measured = stored.metric_columns.items()
-        return cls(stored, tuple(column for name, column in measured if stored.has_finite(name)))
+        metric_columns = stored.metric_columns.items()
+        return cls(
+            stored, tuple(column for name, column in metric_columns if stored.has_finite(name))
+        )
 
     def __iter__(self) -> Iterator[Quantity]:
         """Yield them in the order of the table, with one at a time in memory."""
@@ -164,8 +166,8 @@ def read_axes(store: Store) -> tuple[GridAxis, ...]:
     """Return the axes that differ between runs of a store, and the seed if there are several."""
     columns = store.columns
     roles: dict[str, Role] = {**store.reported_roles, SEED: "scenario"}
-    named = dict.fromkeys((*columns.axis_names, SEED))
-    names = [name for name in named if name in columns.schema.names and columns.varies(name)]
+    axis_names = dict.fromkeys((*columns.axis_names, SEED))
+    names = [name for name in axis_names if name in columns.schema.names and columns.varies(name)]
     whole = store.manifest.sweep.whole
     grid = whole.axes if whole else {}
     axes = [

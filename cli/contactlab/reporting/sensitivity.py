@@ -50,9 +50,9 @@ def find_sensitivities(store: Store, metrics: Sequence[str] = ()) -> Iterator[Se
     if sweep.sample is None or sweep.sample.method != "saltelli":
         return
     columns = store.columns
-    drawn = sweep.drawn_axes
-    axes = tuple(name for name in sweep.axes if name in drawn)
-    others = [name for name in (*columns.axis_names, "seed") if name not in drawn]
+    drawn_axes = sweep.drawn_axes
+    axes = tuple(name for name in sweep.axes if name in drawn_axes)
+    others = [name for name in (*columns.axis_names, "seed") if name not in drawn_axes]
     names = [name for name in metrics or summary_metrics() if name in columns.metric_columns]
     groups = defaultdict[tuple[object, ...], list[dict[str, object]]](list)
     for row in columns.arrow([*dict.fromkeys(["label", *others, *names])]).to_pylist():
@@ -65,10 +65,10 @@ def find_sensitivities(store: Store, metrics: Sequence[str] = ()) -> Iterator[Se
             continue
         failed = [float(row["label"] != "stable") for row in rows]
         values = {FAILED: failed, **{name: [row[name] for row in rows] for name in names}}
-        for name, found in values.items():
-            if None not in found and len({*found}) > 1:
+        for name, metric_values in values.items():
+            if None not in metric_values and len({*metric_values}) > 1:
                 yield _measure_sensitivity(
-                    name, shared, axes, np.array(found, float).reshape(-1, base)
+                    name, shared, axes, np.array(metric_values, float).reshape(-1, base)
                 )
 
 
@@ -79,39 +79,39 @@ def _measure_sensitivity(
     # It takes a while to load.
     from scipy.stats import sobol_indices  # noqa: PLC0415
 
-    made = {"f_A": values[None, 0], "f_B": values[None, 1], "f_AB": values[2:, None]}
+    samples = {"f_A": values[None, 0], "f_B": values[None, 1], "f_AB": values[2:, None]}
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", RuntimeWarning)
-        found = sobol_indices(func=made, n=values.shape[1], rng=0)
+        indices = sobol_indices(func=samples, n=values.shape[1], rng=0)
         resamples = 199
-        again = found.bootstrap(n_resamples=resamples)
+        again = indices.bootstrap(n_resamples=resamples)
     intervals = list[Floats]()
     for one, share in (
-        (again.first_order, found.first_order),
-        (again.total_order, found.total_order),
+        (again.first_order, indices.first_order),
+        (again.total_order, indices.total_order),
     ):
         ends = np.stack((one.confidence_interval.low, one.confidence_interval.high), axis=-1)
         # Resamples that are all equal have no interval but their value.
         intervals.append(np.where(np.isnan(ends), share[:, None], ends))
     return Sensitivity(
-        metric, shared, axes, found.first_order, intervals[0], found.total_order, intervals[1]
+        metric, shared, axes, indices.first_order, intervals[0], indices.total_order, intervals[1]
     )
 
 
-def sensitivity_lines(found: Sensitivity) -> Iterator[str]:
+def sensitivity_lines(sensitivity: Sensitivity) -> Iterator[str]:
     """Yield a line for each axis, those that decide most first."""
-    shared = ", ".join(f"{name} {value}" for name, value in found.shared.items())
-    of = f"{found.metric} of {shared}" if shared else found.metric
+    shared = ", ".join(f"{name} {value}" for name, value in sensitivity.shared.items())
+    of = f"{sensitivity.metric} of {shared}" if shared else sensitivity.metric
     alone, total = (
         [f"{share:.0%} ({low:.0%} to {high:.0%})" for share, (low, high) in zip(*each, strict=True)]
         for each in (
-            (found.first.tolist(), found.first_interval.tolist()),
-            (found.total.tolist(), found.total_interval.tolist()),
+            (sensitivity.first.tolist(), sensitivity.first_interval.tolist()),
+            (sensitivity.total.tolist(), sensitivity.total_interval.tolist()),
         )
     )
-    for axis in np.argsort(-found.total).tolist():
+    for axis in np.argsort(-sensitivity.total).tolist():
         yield (
-            f"{of}: {found.axes[axis]} alone explains {alone[axis]} of its variance, "
+            f"{of}: {sensitivity.axes[axis]} alone explains {alone[axis]} of its variance, "
             f"{total[axis]} together with others"
         )
 

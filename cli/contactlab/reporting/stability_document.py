@@ -11,7 +11,7 @@ _HEADS = ("case", "runs", "as expected", "controls", "labels", "error", "step", 
 def describe_stability(report: StabilityReport) -> Document:
     """Describe hard cases: a row for each, and its unmet expectations."""
     seconds = format_amount(sum(case.seconds for case in report.cases), "s")
-    met = sum(case.passed for case in report.cases)
+    passed_count = sum(case.passed for case in report.cases)
     most_misses = 5  # of a case
     missed = [
         f"{case.name} {miss}"
@@ -22,13 +22,13 @@ def describe_stability(report: StabilityReport) -> Document:
         [
             table_of(_HEADS, [_case_row(case) for case in report.cases]),
             *map(Sentence, missed),
-            Sentence(f"{met} of {len(report.cases)} cases are as expected, in {seconds}"),
+            Sentence(f"{passed_count} of {len(report.cases)} cases are as expected, in {seconds}"),
         ]
     )
 
 
 def _case_row(case: StabilityResult) -> tuple[object, ...]:
     labels = ", ".join(f"{label} {count}" for label, count in case.labels.items())
-    met = f"{case.as_expected}/{case.expected}"
+    passed_text = f"{case.as_expected}/{case.expected}"
     end = (case.error, case.step, case.seconds)
-    return case.name, case.runs, met, case.controls, labels, *end
+    return case.name, case.runs, passed_text, case.controls, labels, *end

@@ -50,12 +50,12 @@ def describe_store(store: Store) -> Document:
         # A table of all runs, with the metrics that any of them has.
         rows = store.table.to_pylist()
         headed = [(metric.name, metric.heading) for metric in METRICS.values() if metric.heading]
-        shown = [name for name, _ in headed if any(map(methodcaller("get", name), rows))]
-        headings = [heading for name, heading in headed if name in shown]
-        said = _OF_LOOPS if "loop" in rows[0] else {"expectation_met": "as expected"}
-        of_columns = itemgetter("label", *said, *columns.axis_names, *shown)
+        shown_names = [name for name, _ in headed if any(map(methodcaller("get", name), rows))]
+        headings = [heading for name, heading in headed if name in shown_names]
+        column_titles = _OF_LOOPS if "loop" in rows[0] else {"expectation_met": "as expected"}
+        of_columns = itemgetter("label", *column_titles, *columns.axis_names, *shown_names)
         cells = [[str(row["run_id"])[:_ID_DIGITS], *of_columns(row)] for row in rows]
-        header = ["run", "label", *said.values(), *columns.axis_names, *headings]
+        header = ["run", "label", *column_titles.values(), *columns.axis_names, *headings]
         blocks.append(table_of(header, cells, droppable=len(headings)))
     elif axes and labels.failed.any():  # otherwise all values are alike, as the headline says
         blocks += _value_table(by_importance(axes, labels), labels, share)
@@ -84,15 +84,15 @@ def _result_sentences(
     yield stable_share(labels, share)
     if not labels.failed.any():
         # A sweep without a failure still shows how near its runs come to one.
-        said = list[str]()
+        phrases = list[str]()
         for name, what, unit in (
             ("penetration_max", "contact depth", "mm"),
             ("backward_error", "numerical error", "%"),
         ):
             if name in columns.metric_columns and columns.has_finite(name):
                 most = float(np.nanmax(columns.numbers(name).values))
-                said.append(f"{what} at most {format_amount(most, unit)}")
-        yield "; ".join(said)
+                phrases.append(f"{what} at most {format_amount(most, unit)}")
+        yield "; ".join(phrases)
     if invalid.any():
         reasons = columns.arrow(["label_reason"])["label_reason"]
         most = Counter(reasons.take(np.flatnonzero(invalid)).to_pylist()).most_common(1)[0][0]
@@ -108,11 +108,13 @@ def _result_sentences(
     # The axes explain the failures of the other runs.
     rest = np.flatnonzero(~began)
     others = [replace(axis, codes=axis.codes[rest]) for axis in axes]
-    left = replace(labels, codes=labels.codes[rest], masks=labels.masks[rest])
-    yield write_finding(others, left, share) if axes and left.failed.any() else ""
+    unexplained = replace(labels, codes=labels.codes[rest], masks=labels.masks[rest])
+    yield write_finding(others, unexplained, share) if axes and unexplained.failed.any() else ""
     yield distance_to_reality(axes, columns)
 
-    yield from (found.message for found in expectation_findings(store) if found.name == EXPECTED)
+    yield from (
+        finding.message for finding in expectation_findings(store) if finding.name == EXPECTED
+    )
     yield from (f"not as expected: {mean}" for mean in store.manifest.unmet_means)
     missing: Counter[str] = Counter()
     for entry in columns.arrow(["effects_missed"])[0].value_counts().to_pylist():
@@ -143,15 +145,15 @@ def _chosen_runs(store: Store) -> Iterator[str]:
         sensitivity_lines,
     )
 
-    if known := known_shares(store):
-        yield from share_lines(*known)
+    if shares := known_shares(store):
+        yield from share_lines(*shares)
     yield from worst_lines(store)
     for sensitivity in find_sensitivities(store):
         yield from sensitivity_lines(sensitivity)
     yield from budget_lines(store)
-    if found := find_boundaries(store):
-        yield describe_coverage(found)
-        yield from boundary_lines(found)
+    if boundaries := find_boundaries(store):
+        yield describe_coverage(boundaries)
+        yield from boundary_lines(boundaries)
 
 
 def _value_table(axes: Sequence[GridAxis], labels: RunLabels, share: ShareWords) -> Iterator[Block]:
@@ -168,5 +170,5 @@ def _value_table(axes: Sequence[GridAxis], labels: RunLabels, share: ShareWords)
             stable = share(here["stable"], here.total())
             rows.append((axis.title, tick, here.total(), stable, most))
     yield table_of(("axis", "value", "runs", "stable", "other labels"), rows)
-    if left := [axis.name for axis in axes if not any(row[0] == axis.title for row in rows)]:
-        yield Sentence(f"also swept: {', '.join(left)}")
+    if other_axes := [axis.name for axis in axes if not any(row[0] == axis.title for row in rows)]:
+        yield Sentence(f"also swept: {', '.join(other_axes)}")

@@ -76,8 +76,8 @@ def _forecast_facts(report: SweepForecast) -> Iterator[tuple[str, str]]:
         if form != report.trace_format and size[1]:
             yield "", f"{_range_text(size, 'B')} with trace_format: {form}"
     if report.runs > MANY_RUNS and report.trace == OF_MANY:
-        kept = "those of unstable runs and 1,000 others; `trace: all` keeps all"
-        yield "traces", f"{OF_MANY}: {kept}"
+        kept_runs = "those of unstable runs and 1,000 others; `trace: all` keeps all"
+        yield "traces", f"{OF_MANY}: {kept_runs}"
 
 
 def _range_text(least_most: tuple[float, float], unit: str) -> str:
@@ -108,8 +108,8 @@ def _simulation_text(report: StoreVerification) -> Iterator[str]:
     if report.simulated < report.runs:
         forged = -(-report.runs // 100)
         missed = prod(
-            max(0, report.runs - forged - drawn) / (report.runs - drawn)
-            for drawn in range(report.simulated)
+            max(0, report.runs - forged - position) / (report.runs - position)
+            for position in range(report.simulated)
         )
         chance = f"chance to find {plural(forged, 'forged run')}: {1 - missed:.0%}"
         text += f", drawn from {report.runs:,} runs; {chance}"
@@ -135,8 +135,8 @@ def describe_replay(report: RunReplay) -> Document:
 
 def describe_bisection(report: Bisection) -> Document:
     """Describe the release that changed an outcome, and the outcomes that it changed."""
-    tried = plural(report.steps, "release")
-    between = f"({tried} between the ends were run)"
+    releases = plural(report.steps, "release")
+    between = f"({releases} between the ends were run)"
     head: list[Block] = [
         Headline(f"MuJoCo {report.after} changed it, after {report.before} {between}")
     ]

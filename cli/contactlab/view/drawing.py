@@ -66,10 +66,10 @@ def draw_frame(motion: BodyMotion, frame: int, size: tuple[int, int]) -> str:
 
     def project_points(points: Floats) -> Floats:
         """Return (K, 3) points in pixels to the right and down, and the depth [pixels]."""
-        seen = (points - stage.centre) @ _CAMERA.T * pixels_per_meter
-        return seen * [1, -1, 1] + [*half, 0]
+        projected = (points - stage.centre) @ _CAMERA.T * pixels_per_meter
+        return projected * [1, -1, 1] + [*half, 0]
 
-    drawn: list[tuple[bool, float, str]] = []
+    faces: list[tuple[bool, float, str]] = []
     geoms: list[list[BodyShape]] = []
     for shape in motion.shapes:
         # A capsule is a cylinder with two ends.
@@ -81,25 +81,25 @@ def draw_frame(motion: BodyMotion, frame: int, size: tuple[int, int]) -> str:
         shape = parts[0]
         turn, place = motion.rotations[frame, shape.body], motion.positions[frame, shape.body]
         points = np.concatenate([*map(_surface_points, parts)])
-        seen = project_points(place + rotate_vectors(turn, points))
-        outline = " ".join(f"{x:.1f},{y:.1f}" for x, y in _find_outline(seen[:, :2]))
+        projected = project_points(place + rotate_vectors(turn, points))
+        outline = " ".join(f"{x:.1f},{y:.1f}" for x, y in _find_outline(projected[:, :2]))
         moves = bool(motion.moving[shape.body])
         fill, edge = (
             "#" + "".join(f"{round(255 * min(1, part * dark)):02x}" for part in shape.colour[:3])
             for dark in (1.0, 0.6)
         )
         opacity = shape.colour[3] * (0.8 if moves else 1.0)  # arrows behind a body are visible
-        drawn.append(
+        faces.append(
             (
                 moves,
-                -float(seen[:, 2].mean()),
+                -float(projected[:, 2].mean()),
                 (
                     f'<polygon points="{outline}" fill="{fill}" stroke="{edge}" '
                     f'stroke-linejoin="round" opacity="{opacity:.2g}"/>'
                 ),
             )
         )
-    lines = [line for *_, line in sorted(drawn, key=lambda one: one[:2])]
+    lines = [line for *_, line in sorted(faces, key=lambda one: one[:2])]
     body = int(np.argmax(motion.moving)) if motion.followed is None else motion.followed
     way = project_points(motion.positions[: frame + 1, body])[:, :2]
     path = " ".join(f"{x:.1f},{y:.1f}" for x, y in way)

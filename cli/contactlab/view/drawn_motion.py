@@ -161,10 +161,10 @@ def run_events(labels: Sequence[LabelEntry], time: Floats) -> tuple[RunEvent, ..
     """Return the start of each label except `stable`, in order of time (N + 1,) of states [s]."""
     events: list[RunEvent] = []
     for label in labels:
-        known = LABELS.get(label.label)
-        if known is None or not known.is_good:
+        definition = LABELS.get(label.label)
+        if definition is None or not definition.is_good:
             row = len(time) - 1 if label.step is None else min(label.step, len(time) - 1)
-            severe = known is not None and known.is_severe
+            severe = definition is not None and definition.is_severe
             events.append(RunEvent(row, float(time[row]), label.label, label.reason, severe))
     return tuple(sorted(events, key=lambda event: event.row))
 
@@ -199,14 +199,14 @@ def _body_radius(motion: BodyMotion, body: int) -> float:
 def failing_pair(record: EvidenceRecord, pairs: Sequence[StoredPair]) -> str | None:
     """Return the pair in the worst label's reason, or the one with the largest force."""
     reason = record.labels[0].reason if record.labels else ""
-    named = [
+    failing_names = [
         pair.name for pair in pairs if re.search(rf"(?<!\w){re.escape(pair.name)}(?!\w)", reason)
     ]
     touching = [pair for pair in pairs if len(pair.steps)]
     strongest = max(
         touching, key=lambda pair: float(np.nan_to_num(pair.normal).max()), default=None
     )
-    return named[0] if named else strongest.name if strongest else None
+    return failing_names[0] if failing_names else strongest.name if strongest else None
 
 
 def widen_stage(motion: BodyMotion, positions: Floats, rotations: Floats) -> BodyMotion:
@@ -238,9 +238,9 @@ def picture_times(
         float(time[row]) for series in pairs if (row := _peak_step(series, len(time))) is not None
     ]
     begins = [event.time for event in events]
-    wanted = [start, *begins[:2], *peaks[:1], end, *begins[2:], *peaks[1:]]
+    instants = [start, *begins[:2], *peaks[:1], end, *begins[2:], *peaks[1:]]
     chosen = sorted(
-        [*dict.fromkeys(instant for instant in wanted if start <= instant <= end)][:most]
+        [*dict.fromkeys(instant for instant in instants if start <= instant <= end)][:most]
     )
     while len(chosen) < most and end > start:
         at = int(np.argmax(np.diff(chosen)))
@@ -265,15 +265,15 @@ def scene_sphere(
 
     The poses of bodies (B,) are (F, B, 3) [m] and (F, B, 4); contact points are (K, 3) [m].
     """
-    seen = [shape for shape in shapes if moving[shape.body] or not moving.any()]
-    if not seen:
+    visible_shapes = [shape for shape in shapes if moving[shape.body] or not moving.any()]
+    if not visible_shapes:
         return Stage(np.zeros(3), 1.0)
     centres = [
         positions[:, shape.body] + rotate_vectors(rotations[:, shape.body], shape.position)
-        for shape in seen
+        for shape in visible_shapes
     ]
     middles = np.stack(centres, axis=1)
-    sizes = np.array([_shape_radius(shape) for shape in seen])
+    sizes = np.array([_shape_radius(shape) for shape in visible_shapes])
     low = (middles - sizes[:, None]).min(axis=(0, 1))
     high = (middles + sizes[:, None]).max(axis=(0, 1))
     centre = (low + high) / 2
@@ -306,9 +306,11 @@ def arrow_scale(force: Floats, radius: float) -> tuple[float, float]:
     # Nine in ten arrows are at most about as long as the first fraction of the sphere's radius.
     # Longer arrows are cut at the second fraction.
     usual_arrow, longest_arrow = 0.5, 1.0
-    wanted = usual_arrow * radius / usual
-    decade = 10.0 ** np.floor(np.log10(wanted))
-    digit = min((1, 2, 5, 10), key=lambda candidate: abs(np.log10(candidate * decade / wanted)))
+    exact_scale = usual_arrow * radius / usual
+    decade = 10.0 ** np.floor(np.log10(exact_scale))
+    digit = min(
+        (1, 2, 5, 10), key=lambda candidate: abs(np.log10(candidate * decade / exact_scale))
+    )
     return float(digit * decade), longest_arrow * radius
 
 
@@ -317,8 +319,8 @@ def frame_rows(time: Floats, rate: float, times: Sequence[float] = ()) -> Rows:
 
     The times [s] of the N + 1 states grow; the rate is in frames per simulated second.
     """
-    wanted = np.append(frame_times(time, rate), times)
-    return np.unique(np.append(nearest_indices(time, wanted), len(time) - 1))
+    instants = np.append(frame_times(time, rate), times)
+    return np.unique(np.append(nearest_indices(time, instants), len(time) - 1))
 
 
 def frame_times(time: Floats, rate: float) -> Floats:
@@ -328,9 +330,9 @@ def frame_times(time: Floats, rate: float) -> Floats:
     return time[0] + np.arange(count) / rate
 
 
-def nearest_indices(time: Floats, wanted: Floats) -> Rows:
+def nearest_indices(time: Floats, instants: Floats) -> Rows:
     """Return the index of the time nearest to each wanted one, the earlier of two."""
-    return np.searchsorted((time[1:] + time[:-1]) / 2, wanted)
+    return np.searchsorted((time[1:] + time[:-1]) / 2, instants)
 
 
 def peak_forces(pairs: Sequence[StoredPair], rows: Rows) -> ContactForces:

@@ -67,20 +67,20 @@ def drawn_geoms(model: mujoco.MjModel) -> NDArray[np.bool_]:
     no other geoms.
     """
     opaque = np.array([bool(_geom_colour(model, geom)[3]) for geom in range(model.ngeom)], bool)
-    shown = opaque & (model.geom_group < VISIBLE_GROUPS)
+    is_visible = opaque & (model.geom_group < VISIBLE_GROUPS)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     axes = data.geom_xmat.reshape(-1, 3, 3)
     centres, halves = model.geom_aabb[:, :3], model.geom_aabb[:, 3:]
     middles = data.geom_xpos + np.einsum("gij,gj->gi", axes, centres)
     rigid = model.body_weldid[model.geom_bodyid]
-    drawn = shown.copy()
-    for geom in np.flatnonzero(opaque & ~shown).tolist():
-        others = np.flatnonzero(shown & (rigid == rigid[geom]))
+    is_drawn = is_visible.copy()
+    for geom in np.flatnonzero(opaque & ~is_visible).tolist():
+        others = np.flatnonzero(is_visible & (rigid == rigid[geom]))
         away = np.einsum("gij,gi->gj", axes[others], middles[geom] - data.geom_xpos[others])
         covers = (np.abs(away - centres[others]) <= halves[others]).all(axis=1)
-        drawn[geom] = not covers.any()
-    return drawn
+        is_drawn[geom] = not covers.any()
+    return is_drawn
 
 
 def body_shapes(model: mujoco.MjModel) -> tuple[BodyShape, ...]:
@@ -106,8 +106,8 @@ def _shapes_of(model: mujoco.MjModel, geom: int) -> Iterator[BodyShape]:
         below = np.array([0.0, 0.0, -thickness / 2])
         yield _geom_shape(model, geom, "box", np.array([*(2 * half), thickness]), below)
     elif kind in _SURFACE_TYPES:
-        read = _height_field_surface if kind == _GEOM_TYPES.mjGEOM_HFIELD else _mesh_surface
-        vertices, triangles = read(model, int(model.geom_dataid[geom]))
+        read_surface = _height_field_surface if kind == _GEOM_TYPES.mjGEOM_HFIELD else _mesh_surface
+        vertices, triangles = read_surface(model, int(model.geom_dataid[geom]))
         plain = _geom_shape(model, geom, "mesh", np.ones(3))
         yield replace(plain, vertices=vertices, triangles=triangles)
 

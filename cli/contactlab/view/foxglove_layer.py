@@ -112,7 +112,7 @@ def frame_transforms(motion: BodyMotion, frame: int) -> FrameTransforms:
 def scene_update(motion: BodyMotion) -> SceneUpdate:
     """Return the shapes of the bodies, each as an entity that moves with its body's frame."""
     time, entities = _timestamp_message(motion.time[0]), dict[str, SceneEntity]()
-    for shape in sorted(motion.shapes, key=lambda drawn: drawn.body):
+    for shape in sorted(motion.shapes, key=lambda body_shape: body_shape.body):
         name = motion.bodies[shape.body]
         entity = entities.setdefault(
             name, SceneEntity(timestamp=time, frame_id=name, id=name, frame_locked=True)

@@ -253,10 +253,12 @@ def _run_pictures(
     if options.camera is None and not recorded:
         motion = _follow_pair(motion, replay, trace, options)
     begins = [(label.step, label.label) for label in replay.record.labels if label.step is not None]
-    said = {int(np.searchsorted(motion.rows, step)): label for step, label in reversed(begins)}
+    labels_by_row = {
+        int(np.searchsorted(motion.rows, step)): label for step, label in reversed(begins)
+    }
     size = options.size or (640, 480)
     between = options.between or (-math.inf, math.inf)
-    return RunPictures(replay, motion, qpos, size, options.camera, recorded, said, between)
+    return RunPictures(replay, motion, qpos, size, options.camera, recorded, labels_by_row, between)
 
 
 def _follow_pair(
@@ -276,14 +278,14 @@ def _follow_pair(
 
 def _check_options(target: Path, options: PictureOptions) -> None:
     suffix = target.suffix.lower()
-    known = (*_VIEWER_SUFFIXES, *_FILM_RATES, *_SHEET_SUFFIXES)
-    if suffix not in known:
-        raise OutputError(f"cannot write {target}: end its name in {', '.join(known)}")
+    suffixes = (*_VIEWER_SUFFIXES, *_FILM_RATES, *_SHEET_SUFFIXES)
+    if suffix not in suffixes:
+        raise OutputError(f"cannot write {target}: end its name in {', '.join(suffixes)}")
     if not target.parent.is_dir():
         raise OutputError(f"cannot write {target}: there is no folder {target.parent}")
     if options.at and suffix not in _SHEET_SUFFIXES:
-        known = " and ".join(_SHEET_SUFFIXES)
-        raise OutputError(f"--at is for {known} only; leave it out for {suffix}")
+        suffixes = " and ".join(_SHEET_SUFFIXES)
+        raise OutputError(f"--at is for {suffixes} only; leave it out for {suffix}")
     if options.speed is not None and suffix not in _FILM_RATES:
         raise OutputError(
             f"--speed is for {' and '.join(_FILM_RATES)} only; leave it out for {suffix}"

@@ -74,13 +74,13 @@ def write_states(
 
     qpos, motion = _states_motion(model, chapters, around)
     words = [word for each in chapters for word in repeat(each.words, len(each.states))]
-    drawn = draw_pictures(model, motion, dict(enumerate(qpos)), size)
+    frames = draw_pictures(model, motion, dict(enumerate(qpos)), size)
     bar = None
     if len(motion.forces.frame):
         bar = force_bar(model, motion.stage, size, motion.scale)
 
     def pictures() -> Iterator[np.ndarray]:
-        for picture, word in zip(drawn, words, strict=True):
+        for picture, word in zip(frames, words, strict=True):
             yield add_caption(picture, [word], bar)
 
     write = write_mp4 if target.suffix.lower() == ".mp4" else write_gif

@@ -49,13 +49,17 @@ def _join_both_levels(title: str, errors: Sequence[_Message], warnings: Sequence
 def _list_annotations(command: str, title: str, messages: Sequence[_Message]) -> Iterator[str]:
     # A step shows ten errors and ten warnings, and silently drops the others.
     most_annotations_of_a_step = 9
-    shown = list(messages[:most_annotations_of_a_step])
-    if len(messages) > len(shown):
-        shown.append(_Message(f"and {len(messages) - len(shown):,} more; see the summary"))
-    for message in shown:
+    shown_messages = list(messages[:most_annotations_of_a_step])
+    if len(messages) > len(shown_messages):
+        shown_messages.append(
+            _Message(f"and {len(messages) - len(shown_messages):,} more; see the summary")
+        )
+    for message in shown_messages:
         properties = {**message.properties, "title": title}
-        listed = ",".join(f"{name}={_escape_property(value)}" for name, value in properties.items())
-        yield f"::{command} {listed}::{_escape_data(message.text)}"
+        property_list = ",".join(
+            f"{name}={_escape_property(value)}" for name, value in properties.items()
+        )
+        yield f"::{command} {property_list}::{_escape_data(message.text)}"
 
 
 def _escape_property(text: str) -> str:

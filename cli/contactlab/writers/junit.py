@@ -17,7 +17,7 @@ def as_junit(report: Report) -> str:
     """Return a report as JUnit XML; a warning or a note is passed, with an output."""
     cases = [_build_test_case(finding, report) for finding in report.findings]
     root = ET.Element("testsuites")
-    told = {
+    attributes = {
         "name": _clean_text(report.title),
         "tests": str(len(cases)),
         "failures": str(sum(case.find("failure") is not None for case in cases)),
@@ -25,7 +25,7 @@ def as_junit(report: Report) -> str:
         "skipped": str(sum(case.find("skipped") is not None for case in cases)),
         "time": "0",
     }
-    suite = ET.SubElement(root, "testsuite", told)
+    suite = ET.SubElement(root, "testsuite", attributes)
     suite.extend(cases)
     head = [report.headline, *(f"{name}: {text}" for name, text in report.facts)]
     ET.SubElement(suite, "system-out").text = _join_lines(head)

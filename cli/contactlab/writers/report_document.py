@@ -36,10 +36,10 @@ def as_text(report: Report, width: int = 10_000) -> str:
 def as_markdown(report: Report) -> str:
     """Return a report as Markdown of less than 0.9 MB."""
     lines: list[str] = []
-    left = MOST_BYTES - 1_000
+    remaining_bytes = MOST_BYTES - 1_000
     for line in render_markdown(describe_findings(report, folded=True)).split("\n"):
-        left -= len(line.encode()) + 1
-        if left < 0:
+        remaining_bytes -= len(line.encode()) + 1
+        if remaining_bytes < 0:
             lines.append("\nThe rest is left out: a job summary holds no more.\n")
             break
         lines.append(line)
@@ -59,24 +59,24 @@ def describe_findings(report: Report, *, folded: bool = False) -> Document:
     lines = finding_lines(report, None if folded else most_metrics)
     if folded:
         # Stable: within the urgent ones and the others the worst come first.
-        shown = sorted(lines, key=lambda line: not line.urgent)
+        shown_lines = sorted(lines, key=lambda line: not line.urgent)
         most_first = 12  # about a screen; the others are folded
-        urgent = min(most_first, sum(line.urgent for line in shown))
-        first = len(shown) if report.lists_passed else urgent
-        findings = [Part(tuple(_table_of_lines(shown[:first])), "findings")]
-        if rest := shown[first:]:
+        urgent = min(most_first, sum(line.urgent for line in shown_lines))
+        first = len(shown_lines) if report.lists_passed else urgent
+        findings = [Part(tuple(_table_of_lines(shown_lines[:first])), "findings")]
+        if rest := shown_lines[first:]:
             table = tuple(_table_of_lines(rest))
             findings.append(Part(table, "findings", f"{len(rest)} more", folded=True))
     else:
-        shown = list[Line]()
+        shown_lines = list[Line]()
         most_of_outcome = 25  # about a screen
         for outcome in ORDER:
             same = [line for line in lines if line.outcome == outcome]
-            shown += same[:most_of_outcome]
+            shown_lines += same[:most_of_outcome]
             if len(same) > most_of_outcome:
                 more = f"and {len(same) - most_of_outcome:,} more ({outcome_mark(outcome).word})"
-                shown.append(Line(outcome, more))
-        findings = [Part(tuple(_table_of_lines(shown)), "findings")]
+                shown_lines.append(Line(outcome, more))
+        findings = [Part(tuple(_table_of_lines(shown_lines)), "findings")]
     if not report.lists_passed and (passed := passed_in_words(report.findings)):
         findings.insert(1, Part((Sentence(passed, outcome_mark("passed")),), follows=True))
     return document_of(

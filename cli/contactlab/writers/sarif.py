@@ -56,6 +56,6 @@ def _result_of_finding(finding: Finding, rule: int) -> Node:
         }
         result["locations"] = [{"physicalLocation": place}]
     if finding.waived is not None:
-        told = {"kind": "inSource", "justification": visible(finding.waived)}
-        result["suppressions"] = [told]
+        suppression = {"kind": "inSource", "justification": visible(finding.waived)}
+        result["suppressions"] = [suppression]
     return result
