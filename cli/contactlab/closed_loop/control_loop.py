@@ -176,20 +176,20 @@ class LoopRows:
     def repeat_row(self, count: int) -> "LoopRows":
         """Return `count` rows, all in the state of the first one."""
         if self._memory is None:
-            rows, known = len(self.data), self._known
+            rows, known_arrays = len(self.data), self._known
             self._memory = tuple(
                 path
                 for path, (owner, key) in self._list_arrays()
-                if owner[key] is not known.get(path) and len(owner[key]) == rows
+                if owner[key] is not known_arrays.get(path) and len(owner[key]) == rows
             )
-        made = copy.copy(self)
-        made.data = [copy.copy(self.data[0]) for _ in range(count)]
-        made.controls = np.repeat(self.controls[:1], count, axis=0)
-        made.waiting = [np.repeat(each[:1], count, axis=0) for each in self.waiting]
-        made._policy = _copy_controller(self._policy)
-        for owner, key in made._list_memory():
+        repeated = copy.copy(self)
+        repeated.data = [copy.copy(self.data[0]) for _ in range(count)]
+        repeated.controls = np.repeat(self.controls[:1], count, axis=0)
+        repeated.waiting = [np.repeat(each[:1], count, axis=0) for each in self.waiting]
+        repeated._policy = _copy_controller(self._policy)
+        for owner, key in repeated._list_memory():
             owner[key] = np.repeat(owner[key][:1], count, axis=0)
-        return made
+        return repeated
 
     def nudge_velocity(self, row: int, nudge: Floats) -> None:
         """Add (nv,) to the velocity of a row."""
@@ -233,21 +233,22 @@ class LoopRows:
         """Return (rows, nu) the controls for the states of the rows."""
         time = np.array([data.time for data in self.data])
         qpos, qvel = (np.array([getattr(d, name) for d in self.data]) for name in ("qpos", "qvel"))
-        measured = np.array([data.sensordata[: self._sensors] for data in self.data])
+        sensor_values = np.array([data.sensordata[: self._sensors] for data in self.data])
         try:
-            wanted = np.asarray(self._policy(time, qpos, qvel, measured), np.float64)
+            requested = np.asarray(self._policy(time, qpos, qvel, sensor_values), np.float64)
         except Exception as error:
             raise SceneError(f"the policy failed: {in_one_line(error, __file__)}") from error
-        if wanted.shape != self.controls.shape:
+        if requested.shape != self.controls.shape:
             raise SceneError(
-                f"the policy returned an array of shape {wanted.shape}; one control for each run "
+                f"the policy returned an array of shape {requested.shape}; one control for each "
+                "run "
                 f"and actuator is {self.controls.shape}"
             )
-        first = wanted[0].copy() if self._first is None else self._first
+        first = requested[0].copy() if self._first is None else self._first
         self._first = first
         # A loop that does not hold has no run to keep: its controls shrink toward the first ones.
-        about = wanted[:1] if self.loop.gain > 1 else first[None]
-        return about + self.loop.gain * (wanted - about)
+        about = requested[:1] if self.loop.gain > 1 else first[None]
+        return about + self.loop.gain * (requested - about)
 
     def _make_step(self, count: int) -> None:
         if count:
@@ -261,12 +262,12 @@ class LoopRows:
         # Path, container and key of each array that the controller keeps.
         root = vars(self._policy) if hasattr(self._policy, "__dict__") else {}
         todo: list[tuple[Path, Any]] = [((), root)]
-        seen = set[int]()
+        seen_ids = set[int]()
         while todo:
             path, owner = todo.pop()
-            if id(owner) in seen:
+            if id(owner) in seen_ids:
                 continue
-            seen.add(id(owner))
+            seen_ids.add(id(owner))
             items = owner.items() if isinstance(owner, dict) else enumerate(owner)
             for key, value in list(items):
                 place = (*path, key)
@@ -321,12 +322,12 @@ def find_modes(loop: ControlLoop, times: Floats) -> tuple[float, int]:
     """
     rows, worst, dof = LoopRows(loop), -math.inf, 0
     rows.make_periods()  # the controller makes its memory in its first call
-    done = 1
+    period_count = 1
     for time in times:
-        periods = max(0, round(time * loop.rate) - done)
+        periods = max(0, round(time * loop.rate) - period_count)
         if not rows.make_periods(periods):
             return worst if worst > 0 else math.inf, dof
-        done += periods
+        period_count += periods
         values, shapes = np.linalg.eig(rows.linearize_period())
         energies = np.abs(shapes[loop.model.nv : 2 * loop.model.nv]) ** 2
         energies *= _dof_inertia(rows)[:, None]

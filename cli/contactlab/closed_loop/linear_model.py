@@ -160,8 +160,8 @@ def linearize_model(model: mujoco.MjModel, data: mujoco.MjData) -> LinearModel:
     free = np.eye(model.nv)
     if len(rows):
         _, sizes, directions = np.linalg.svd(rows)
-        held = int(np.sum(sizes > SUM_ROUNDING * sizes.max(initial=0.0)))
-        free = directions[held:].T
+        held_count = int(np.sum(sizes > SUM_ROUNDING * sizes.max(initial=0.0)))
+        free = directions[held_count:].T
     return LinearModel(
         mass,
         stiffness + soft_stiffness,
@@ -213,10 +213,10 @@ def list_servos(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ServoFor
 def _dense_row(
     width: int, values: Floats, counts: Ids, starts: Ids, columns: Ids, row: int
 ) -> Floats:
-    found, start = np.zeros(width), int(starts[row])
+    dense, start = np.zeros(width), int(starts[row])
     some = slice(start, start + int(counts[row]))
-    found[np.ravel(columns)[some]] = np.ravel(values)[some]
-    return found
+    dense[np.ravel(columns)[some]] = np.ravel(values)[some]
+    return dense
 
 
 def _equality_rows(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:

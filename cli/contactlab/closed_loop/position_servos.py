@@ -48,9 +48,9 @@ def list_stated_servos(loop: ControlLoop) -> tuple[PositionServo, ...]:
     slopes = -rows.linearize_policy()
     for per_joint in (1.0, 1 / gears):
         kp, kd = (np.where(driven, gains * per_joint, 0.0) for gains in stated)
-        known = np.zeros_like(slopes)
-        known[each, motors.dofs], known[each, model.nv + motors.dofs] = kp, kd
-        if np.allclose(slopes, known, rtol=1e-3, atol=1e-3 * np.abs(known).max()):
+        stated_slopes = np.zeros_like(slopes)
+        stated_slopes[each, motors.dofs], stated_slopes[each, model.nv + motors.dofs] = kp, kd
+        if np.allclose(slopes, stated_slopes, rtol=1e-3, atol=1e-3 * np.abs(stated_slopes).max()):
             turned = np.flatnonzero(kp * gears > 0).tolist()
             return tuple(_make_servo(model, one, kp[one], kd[one]) for one in turned)
     return ()

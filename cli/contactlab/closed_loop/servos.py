@@ -79,15 +79,15 @@ def measure_servos(
             continue  # a site in space, or a joint that an equality holds
         ways.setdefault(int(model.dof_jntid[dof]), []).append((force, way / way[dof]))
     groups = [
-        _Group(tuple(force for force, _ in found), joint, found[0][1])
-        for joint, found in ways.items()
+        _Group(tuple(force for force, _ in forces), joint, forces[0][1])
+        for joint, forces in ways.items()
     ]
 
     if not groups or not linear.weighs:
         return ()
-    held = model.opt.integrator == getattr(mujoco.mjtIntegrator, "mjINT_DISCRETE", -1)
-    held = held or linear.holds_step()
-    growing = np.zeros(model.nv) if held else linear.find_growing_dofs()
+    is_stable = model.opt.integrator == getattr(mujoco.mjtIntegrator, "mjINT_DISCRETE", -1)
+    is_stable = is_stable or linear.holds_step()
+    growing = np.zeros(model.nv) if is_stable else linear.find_growing_dofs()
     shares = [float(growing[model.jnt_dofadr[group.joint]]) for group in groups]
     most = max(shares)
     return tuple(
@@ -119,8 +119,8 @@ def _measure_group(
     hinge = model.jnt_type[joint] == _HINGE
     gain, stiffest, strongest, armature = _find_limits(model, linear, group, grows=grows)
     load = float(np.mean(task)) if task else math.nan
-    held = next(filter(None, (_find_pressed_body(model, rest, body) for rest in rests)), 0)
-    solid = np.flatnonzero((model.geom_bodyid == held) & (model.geom_contype > 0))
+    held_body = next(filter(None, (_find_pressed_body(model, rest, body) for rest in rests)), 0)
+    solid = np.flatnonzero((model.geom_bodyid == held_body) & (model.geom_contype > 0))
     held_size = 2 * float(model.geom_aabb[solid, 3:].min(initial=math.inf))
     return Servo(
         name=name_of(model, "joint", joint),
@@ -138,8 +138,8 @@ def _measure_group(
         gravity_sag=gravity / whole if own else None,
         task_load=load,
         task_sag=load / own if own else None,
-        held_body=name_of(model, "body", held) if held else "",
-        held_size=held_size if held else None,
+        held_body=name_of(model, "body", held_body) if held_body else "",
+        held_size=held_size if held_body else None,
         timestep=linear.timestep,
         integrator=name_integrator(linear.integrator),
         holds=not grows,

@@ -155,7 +155,7 @@ def compare(
             knife_edge=int(flagged.sum()),
             knife_edge_flipped=int((flagged & flipped).sum()),
         ),
-        differences=tuple(found for _, found in sameness if found),
+        differences=tuple(difference for _, difference in sameness if difference),
         transitions=transitions,
         findings=tuple(checks),
         advice=tuple(_advise_commands(checks, before, after)),
@@ -308,12 +308,12 @@ def _sameness_checks(
             yield subject.single(SAME, "the same"), None
             continue
         old, new = values
-        found = Difference(what=what, baseline=old, candidate=new, required=required)
+        difference = Difference(what=what, baseline=old, candidate=new, required=required)
         if is_gate:
-            yield subject.skipped(f"must be the same, but is {old}, now {new}"), found
+            yield subject.skipped(f"must be the same, but is {old}, now {new}"), difference
         else:
-            told = "the files of the scene changed" if changes_scene else f"{old}, now {new}"
-            yield subject.single(CHANGED, told), found
+            change_text = "the files of the scene changed" if changes_scene else f"{old}, now {new}"
+            yield subject.single(CHANGED, change_text), difference
 
 
 def _store_checks(baseline: Store, candidate: Store) -> Iterator[Finding]:
@@ -346,8 +346,8 @@ def draw_conclusion(checks: Sequence[Finding], passed: str = "same") -> tuple[Ch
     """
     failed = [NAMES.index(check.verdict) for check in checks if check.outcome == "failed"]
     skipped = [check.kind for check in checks if check.is_open]
-    found = Counter(check.verdict for check in checks if check.kind in _ABOUT_RUNS)
-    changed = set(found) - {"same", "not comparable"}
+    counts = Counter(check.verdict for check in checks if check.kind in _ABOUT_RUNS)
+    changed = set(counts) - {"same", "not comparable"}
     verdict: Change = "changed" if changed - {"better"} else "better" if changed else "same"
     if (code := exit_code(checks)) == ExpectationError.exit_code:
         verdict = NAMES[max(failed)]
@@ -358,7 +358,7 @@ def draw_conclusion(checks: Sequence[Finding], passed: str = "same") -> tuple[Ch
     if parts:
         return verdict, code, f"{verdict}: {', '.join(parts)}"
     words = {"better": "better", "changed": "changed", "worse": "worse within budget"}
-    changes = ", ".join(f"{found[name]} {word}" for name, word in words.items() if found[name])
+    changes = ", ".join(f"{counts[name]} {word}" for name, word in words.items() if counts[name])
     word = passed if verdict == "same" else verdict
     return verdict, code, f"{word}: no check of {len(checks)} fails{changes and f'; {changes}'}"
 
@@ -367,8 +367,10 @@ def _advise_commands(checks: Sequence[Finding], baseline: Store, candidate: Stor
     """Yield the next commands, each after its purpose."""
     old, new = shell_word(baseline.address), shell_word(candidate.address)
     order = ("failed", "warned", "noted")
-    found = sorted((c for c in checks if c.outcome in order), key=lambda c: order.index(c.outcome))
-    pair = next((pair for check in found for pair in check.worst if pair.candidate_run), None)
+    ordered = sorted(
+        (c for c in checks if c.outcome in order), key=lambda c: order.index(c.outcome)
+    )
+    pair = next((pair for check in ordered for pair in check.worst if pair.candidate_run), None)
     if pair is not None:
         yield f"look closer: contactlab show {new} {pair.candidate_run}"
     failed = next((check for check in checks if check.outcome == "failed"), None)

@@ -23,22 +23,24 @@ def judged_share_check(paired: PairedStores, gated: PairedStores) -> Finding:
     pairs, runs = len(paired.pairing.baseline), paired.candidate.columns.runs
     apart = pairs - len(gated.pairing.baseline)
     metrics = [*paired.candidate.columns.metric_columns]
-    known = paired.baseline.columns.metric_columns
-    unknown = sum(name not in known for name in metrics)
-    counted = (
+    metric_columns = paired.baseline.columns.metric_columns
+    unknown = sum(name not in metric_columns for name in metrics)
+    unjudged_counts = (
         (len(paired.pairing.new), runs, "run", "of the candidate not in the baseline"),
         (apart, pairs, "pair", "set apart as knife-edge runs"),
         (unknown, len(metrics), "metric", "of the candidate not in the baseline"),
     )
-    told = [f"{out_of(n, total, noun)} {words}" for n, total, noun, words in counted if n]
-    if any(is_too_little(paired, n, total) for n, total, _, _ in counted):
+    phrases = [
+        f"{out_of(n, total, noun)} {words}" for n, total, noun, words in unjudged_counts if n
+    ]
+    if any(is_too_little(paired, n, total) for n, total, _, _ in unjudged_counts):
         least = format_percent(paired.policy.least_judged)
-        return subject.skipped(f"{'; '.join(told)}; at least {least} must be judged")
-    return subject.single(SAME, "; ".join(told) or "all of the candidate", judged=pairs - apart)
+        return subject.skipped(f"{'; '.join(phrases)}; at least {least} must be judged")
+    return subject.single(SAME, "; ".join(phrases) or "all of the candidate", judged=pairs - apart)
 
 
 def unless_unjudged(
-    paired: PairedStores, subject: Subject, found: Finding, unjudged: Mask, stated: Mask
+    paired: PairedStores, subject: Subject, finding: Finding, unjudged: Mask, stated: Mask
 ) -> Finding:
     """Return a finding, unless the baseline lacks too many of the values that it needs.
 
@@ -46,8 +48,8 @@ def unless_unjudged(
     of them without one of the baseline.
     """
     missing, total = int(unjudged.sum()), int(stated.sum())
-    if found.outcome == "failed" or not is_too_little(paired, missing, total):
-        return found
+    if finding.outcome == "failed" or not is_too_little(paired, missing, total):
+        return finding
     least = format_percent(paired.policy.least_judged)
     return subject.skipped(
         f"{out_of(missing, total)} without a value in the baseline; at least {least} must have one"

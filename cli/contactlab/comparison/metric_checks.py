@@ -47,9 +47,12 @@ _WORDS: Mapping[Verdict, str] = {
 
 def metric_checks(paired: PairedStores) -> Iterator[Finding]:
     """Yield the checks of every metric that the baseline or the candidate has."""
-    measured = {**paired.candidate.columns.metric_columns, **paired.baseline.columns.metric_columns}
+    metric_columns = {
+        **paired.candidate.columns.metric_columns,
+        **paired.baseline.columns.metric_columns,
+    }
     versions = paired.baseline.manifest.sweep.metric_versions
-    for metric in measured.values():
+    for metric in metric_columns.values():
         rule = effective_rule(metric, paired.policy)
         reason = explain_incomparable(paired, metric, rule)
         columns = None if reason else paired.read_numbers(metric.name)
@@ -74,8 +77,8 @@ def metric_checks(paired: PairedStores) -> Iterator[Finding]:
                 of = range(len(member)) if isinstance(rows, slice) else rows.tolist()
                 pairs = MetricPairs(paired, of, before, after, exempt[rows])
                 unjudged = after.valid & ~before.valid & ~pairs.exempt
-                found = pairs.make_finding(subject, rule)
-                yield unless_unjudged(paired, subject, found, unjudged, after.valid)
+                finding = pairs.make_finding(subject, rule)
+                yield unless_unjudged(paired, subject, finding, unjudged, after.valid)
 
 
 def explain_incomparable(paired: PairedStores, metric: Column, rule: EffectiveRule) -> str | None:
@@ -114,36 +117,41 @@ class MetricPairs:
         runs = int(applies.sum())
         if not runs:
             return subject.finding(verdicts[:0], "applies to no run")
-        known = slice(None) if both.all() else both
-        before, after = self.baseline.values[known], self.candidate.values[known]
+        compared = slice(None) if both.all() else both
+        before, after = self.baseline.values[compared], self.candidate.values[compared]
         if rule.statistic == "each":
-            verdicts[known] = judge_changes(rule, before, after)
+            verdicts[compared] = judge_changes(rule, before, after)
             message = _format_counts(verdicts, runs) or f"within {format_percent(rule.rel)}"
             return subject.finding(verdicts[applies], message, self._find_worst(rule, verdicts))
-        judged = verdicts[applies & ~both]
-        parts = [_format_counts(verdicts, runs)] if len(judged) else []
+        all_verdicts = verdicts[applies & ~both]
+        parts = [_format_counts(verdicts, runs)] if len(all_verdicts) else []
         if both.any():
             statistic = aggregate_values(rule, before, after)
             verdict = judge_changes(rule, *statistic)
-            judged = np.concatenate([judged, verdict])
+            all_verdicts = np.concatenate([all_verdicts, verdict])
             parts.insert(0, _format_statistic(rule, verdict, *statistic, subject.unit))
         return subject.finding(
-            judged, "; ".join(parts), self._find_worst(rule, verdicts), judged=runs
+            all_verdicts, "; ".join(parts), self._find_worst(rule, verdicts), judged=runs
         )
 
     def _find_worst(self, rule: EffectiveRule, verdicts: Verdicts) -> list[RunPair]:
         """Return the pairs of the worst verdict that are farthest beyond the tolerance."""
         least = CHANGED if rule.better == "none" else WORSE
-        shown = np.flatnonzero(verdicts >= least)
-        shown = shown if len(shown) else np.flatnonzero(verdicts)
-        baseline, candidate = self.baseline.values[shown], self.candidate.values[shown]
+        changed_rows = np.flatnonzero(verdicts >= least)
+        changed_rows = changed_rows if len(changed_rows) else np.flatnonzero(verdicts)
+        baseline, candidate = (
+            self.baseline.values[changed_rows],
+            self.candidate.values[changed_rows],
+        )
         with np.errstate(all="ignore"):
             excess = np.abs(candidate - baseline) / rule.limit.allow_change(baseline)
         # Changes of more than half this number of tolerances are not ordered among each other.
         most_tolerances = 1e6
         # Less than 1, so that it only orders pairs of equal verdict.
         ordering = np.nan_to_num(excess / most_tolerances, nan=0, posinf=0.5).clip(0, 0.5)
-        worst = shown[np.argsort(-(verdicts[shown] + ordering), kind="stable")[:MOST_SHOWN]]
+        worst = changed_rows[
+            np.argsort(-(verdicts[changed_rows] + ordering), kind="stable")[:MOST_SHOWN]
+        ]
         return self.paired.run_pairs(
             [self.indices[place] for place in worst.tolist()],
             [_finite_value(self.baseline, index) for index in worst.tolist()],
@@ -214,8 +222,8 @@ def _format_statistic(
 ) -> str:
     result = "" if verdict[0] == SAME else f", {NAMES[int(verdict[0])]}"
     is_ratio, change = rule.statistic == "ratio", value_change(before[0], after[0], unit)
-    shown = f"median ratio {after[0]:.3g}" if is_ratio else f"{rule.statistic} {change}"
-    return f"{shown}{result} (within {format_percent(rule.rel)})"
+    statistic_text = f"median ratio {after[0]:.3g}" if is_ratio else f"{rule.statistic} {change}"
+    return f"{statistic_text}{result} (within {format_percent(rule.rel)})"
 
 
 def _finite_value(column: NumberColumn, index: int) -> Value:
@@ -264,12 +272,12 @@ def remeasured_check(paired: PairedStores, request: Remeasure) -> Finding:
         # Time pairs of runs that completed, spread evenly.
         through = np.ones(len(paired.pairing.baseline), dtype=np.bool_)
         for store, own in paired.sides:
-            for column, wanted in (
+            for column, allowed_words in (
                 ("status", {"ok"}),
                 ("engine_name", before.timed_engines & after.timed_engines),
             ):
                 codes, words = store.columns.coded(column)
-                through &= np.array([word in wanted for word in words])[codes[own]]
+                through &= np.array([word in allowed_words for word in words])[codes[own]]
         good = np.flatnonzero(through)
         count = min(request.runs, len(good))
         sample = good[np.linspace(0, len(good) - 1, count).round().astype(int)].tolist()
@@ -279,18 +287,18 @@ def remeasured_check(paired: PairedStores, request: Remeasure) -> Finding:
         times = [_time_pair(before, after, pair) for pair in pairs]
         engines = f"{before.engine}, now {after.engine}"
     ratios = [now / then for then, now in times]
-    found = TimeRatio.of_pairs(ratios)
-    worse, better = found.is_greater(1 + rule.rel), found.is_less(1 - rule.rel)
+    ratio = TimeRatio.of_pairs(ratios)
+    worse, better = ratio.is_greater(1 + rule.rel), ratio.is_less(1 - rule.rel)
     code = WORSE if worse else BETTER if better else SAME
     message = (
-        f"median ratio {found.ratio:.3f}, {format_percent(SURE)} interval "
-        f"{found.low:.3f} to {found.high:.3f} over {plural(len(ratios))} "
+        f"median ratio {ratio.ratio:.3f}, {format_percent(SURE)} interval "
+        f"{ratio.low:.3f} to {ratio.high:.3f} over {plural(len(ratios))} "
         f"(within {format_percent(rule.rel)}; {engines})"
     )
     worst = int(np.argmax(ratios))
     then, now = times[worst]
-    shown = pairs[worst].model_copy(update={"baseline": then, "candidate": now})
-    return subject.single(code, message, [shown] if code != SAME else [], judged=len(ratios))
+    worst_pair = pairs[worst].model_copy(update={"baseline": then, "candidate": now})
+    return subject.single(code, message, [worst_pair] if code != SAME else [], judged=len(ratios))
 
 
 def _time_pair(before: RunTimer, after: RunTimer, pair: RunPair) -> tuple[float, float]:

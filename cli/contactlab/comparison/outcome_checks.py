@@ -58,11 +58,11 @@ def outcome_checks(paired: PairedStores, against: str = _BASELINE) -> Iterator[F
         _read_outcomes(before, rules.good)[0][rows],
         _read_outcomes(after, rules.good)[0][others],
     )
-    found = _compare_shares(paired, against)
-    if found is not None:
-        (low, high), message, judged = found
+    compared = _compare_shares(paired, against)
+    if compared is not None:
+        (low, high), message, pair_count = compared
         code = WORSE if high < -rules.tolerance else BETTER if low > 0 else SAME
-        checked = subject.single(code, message, judged=judged)
+        checked = subject.single(code, message, judged=pair_count)
         yield unless_unjudged(paired, subject, checked, knows & ~knew, knows)
     elif knows.any():
         yield subject.skipped(f"no run of {against} says how it ended")
@@ -75,11 +75,11 @@ def controlled_checks(by_control: PairedStores, of_control: PairedStores) -> Ite
     of control and baseline is not due to the candidate.
     """
     yield from outcome_checks(by_control, _CONTROL)
-    found = _compare_shares(of_control, _BASELINE)
-    if found is not None:
-        (low, high), message, judged = found
+    compared = _compare_shares(of_control, _BASELINE)
+    if compared is not None:
+        (low, high), message, pair_count = compared
         subject = Subject("control as the baseline", "outcomes", "warn", two_sided=True)
-        yield subject.single(SAME if low <= 0 <= high else CHANGED, message, judged=judged)
+        yield subject.single(SAME if low <= 0 <= high else CHANGED, message, judged=pair_count)
 
 
 _Compared = tuple[tuple[float, float], str, int]
@@ -95,26 +95,26 @@ def _compare_shares(paired: PairedStores, against: str) -> _Compared | None:
     (baseline, rows), (candidate, others) = paired.sides
     good = paired.policy.outcomes.good
     (knew, was), (knows, ended) = _read_outcomes(baseline, good), _read_outcomes(candidate, good)
-    known = knew[rows] & knows[others]
-    pairs = int(known.sum())
+    both_known = knew[rows] & knows[others]
+    pairs = int(both_known.sum())
     if not pairs:
         return None
-    settings = settings_of(baseline)[rows][known]
-    after = _Outcomes(ended[others][known], settings)
-    before = _Outcomes(was[rows][known], settings)
+    settings = settings_of(baseline)[rows][both_known]
+    after = _Outcomes(ended[others][both_known], settings)
+    before = _Outcomes(was[rows][both_known], settings)
     gained = int((after.good & ~before.good).sum())
     lost = int((before.good & ~after.good).sum())
     low, high = paired_difference(gained, lost, pairs)
     if (chance := paired_chance(gained, lost)) < 0.05:
-        told = f"equal shares would differ as much with a chance of {chance:.2g}"
+        evidence = f"equal shares would differ as much with a chance of {chance:.2g}"
     elif (needed := pairs_to_tell(gained, lost, pairs)) is None:
-        told = "not distinguishable"
+        evidence = "not distinguishable"
     else:
-        told = f"not distinguishable; about {needed:,} pairs would show it"
+        evidence = f"not distinguishable; about {needed:,} pairs would show it"
     message = (
         f"{after.counts[0]:,} of {pairs:,}, {before.counts[0]:,} in {against}: {gained:,} gained "
         f"and {lost:,} lost, {low:+.1%} to {high:+.1%} with 95 %; "
-        f"{told}; "
+        f"{evidence}; "
         f"{_describe_shares(paired.policy.outcomes.in_a_row, after, before)}"
     )
     return (low, high), message, pairs
@@ -130,14 +130,14 @@ def _compare_unpaired(paired: PairedStores, against: str) -> _Compared:
             "it is a success; count stable runs, by a policy with outcomes: {good: stable}"
         )
     low, high = unpaired_difference(good, runs, were, of)
-    told = "the shares differ"
+    evidence = "the shares differ"
     if low <= 0 <= high:
         needed = runs_to_tell(good / runs, were / of)
         more = f"; about {needed:,} runs of each would show it" if needed else ""
-        told = f"not distinguishable{more}"
+        evidence = f"not distinguishable{more}"
     message = (
         f"{good:,} of {runs:,}, {were:,} of {of:,} in {against}, {low:+.1%} to {high:+.1%} "
-        f"with 95 %; {told}; {_describe_shares(rules.in_a_row, after, before)}"
+        f"with 95 %; {evidence}; {_describe_shares(rules.in_a_row, after, before)}"
     )
     return (low, high), message, runs
 
@@ -160,8 +160,8 @@ def _describe_shares(times: int, *sides: _Outcomes) -> str:
 
 def _of_store(store: Store, good: str) -> _Outcomes:
     rows = np.arange(store.columns.runs)
-    known, ended = _read_outcomes(store, good)
-    return _Outcomes(ended[known], settings_of(store)[rows[known]])
+    is_known, ended = _read_outcomes(store, good)
+    return _Outcomes(ended[is_known], settings_of(store)[rows[is_known]])
 
 
 def _read_outcomes(store: Store, good: str) -> tuple[Mask, Mask]:
@@ -173,5 +173,5 @@ def _read_outcomes(store: Store, good: str) -> tuple[Mask, Mask]:
     if SUCCESS not in store.columns.schema.names:
         none = np.zeros(store.columns.runs, np.bool_)
         return none, none
-    found = store.columns.numbers(SUCCESS)
-    return found.valid, found.values == 1
+    outcomes = store.columns.numbers(SUCCESS)
+    return outcomes.valid, outcomes.values == 1

@@ -121,13 +121,13 @@ def _axis_codes(
         )
         distinct, codes = np.unique(values, return_inverse=True)
         return codes, distinct.tolist()
-    known: dict[str | None, int] = {None: 0}
+    numbers_of_words: dict[str | None, int] = {None: 0}
     parts: list[NDArray[np.int64]] = []
     for store in stores:
         codes, words = store.columns.coded(axis)
-        numbers = [known.setdefault(word, len(known)) for word in words]
+        numbers = [numbers_of_words.setdefault(word, len(numbers_of_words)) for word in words]
         parts.append(np.array(numbers, dtype=np.int64)[codes])
-    return np.concatenate(parts), ["none" if word is None else word for word in known]
+    return np.concatenate(parts), ["none" if word is None else word for word in numbers_of_words]
 
 
 def _refuse_repeated(store: Store, role: str, keys: NDArray[np.int64]) -> None:
@@ -174,7 +174,9 @@ def group_pairs(
     combinations, member = np.unique(stacked, axis=0, return_inverse=True)
     group = member.reshape(-1)[pairing.baseline]
     for number, combination in enumerate(combinations.tolist()):
-        values = [known[code] for code, (_, known) in zip(combination, columns, strict=True)]
+        values = [
+            axis_values[code] for code, (_, axis_values) in zip(combination, columns, strict=True)
+        ]
         texts = [f"{value:.9g}" if isinstance(value, float) else value for value in values]
         name = ", ".join(f"{axis}={text}" for axis, text in zip(axes, texts, strict=True))
         yield name, group == number
@@ -194,8 +196,8 @@ class PairedStores:
         """Return the same without some of the pairs (n,)."""
         if not excluded.any():
             return self
-        kept, rows = ~excluded, self.pairing
-        before, after = rows.baseline[kept], rows.candidate[kept]
+        kept_pairs, rows = ~excluded, self.pairing
+        before, after = rows.baseline[kept_pairs], rows.candidate[kept_pairs]
         rows = rows._replace(baseline=before, candidate=after, is_in_order=False)
         return replace(self, pairing=rows)
 
@@ -227,15 +229,21 @@ class PairedStores:
         from contactlab.measure import LABELS  # noqa: PLC0415
 
         stores = (self.baseline, self.candidate)
-        known = [*(self.policy.labels.severity or LABELS)]
+        known_labels = [*(self.policy.labels.severity or LABELS)]
         for store in stores if self.policy.labels.severity is None else ():
             stored = [str(name) for name in store.columns.shared.get("severity", ())]
             for place, name in enumerate(stored):
-                if name not in known:
-                    worse_than = next((next_ for next_ in stored[place:] if next_ in known), None)
-                    known.insert(known.index(worse_than) if worse_than else len(known), name)
-        used = {name for store in stores for name in store.manifest.labels}
-        order = dict.fromkeys((*sorted(used - set(known) - {"stable"}), *known))
+                if name not in known_labels:
+                    worse_than = next(
+                        (next_ for next_ in stored[place:] if next_ in known_labels), None
+                    )
+                    known_labels.insert(
+                        known_labels.index(worse_than) if worse_than else len(known_labels), name
+                    )
+        used_labels = {name for store in stores for name in store.manifest.labels}
+        order = dict.fromkeys(
+            (*sorted(used_labels - set(known_labels) - {"stable"}), *known_labels)
+        )
         order.pop("stable", None)
         return (*order, "stable")
 
@@ -342,8 +350,8 @@ def _axis_setting(store: Store, axis: str) -> str:
         low, high = round_values(np.array([values.min(), values.max()]))
         return f"{low:.9g}" if low == high else _SEVERAL
     codes, words = store.columns.coded(axis)
-    used = np.flatnonzero(np.bincount(codes))
-    return _SEVERAL if len(used) > 1 else words[used[0]] or "none"
+    used_codes = np.flatnonzero(np.bincount(codes))
+    return _SEVERAL if len(used_codes) > 1 else words[used_codes[0]] or "none"
 
 
 _PROPERTIES: Mapping[Sameness, Callable[[Store], str | Mapping[str, object]]] = {

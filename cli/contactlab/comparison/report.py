@@ -41,8 +41,8 @@ def explain_no_effect(axes: Iterable[str], quantities: Collection[str]) -> str:
         return f"the change of the model acts in no run, because {why}"
     hidden = ", ".join(dict.fromkeys(map(attribute_of, hiding)))
     word = "axis" if len(hiding) == 1 else "axes"
-    said = f"the {word} {', '.join(hiding)} {'sets' if len(hiding) == 1 else 'set'} {hidden}"
-    return f"the change of the model acts in no run, because {said} in every run"
+    hiding_text = f"the {word} {', '.join(hiding)} {'sets' if len(hiding) == 1 else 'set'} {hidden}"
+    return f"the change of the model acts in no run, because {hiding_text} in every run"
 
 
 def _report_facts(compared: ComparisonReport) -> Iterator[tuple[str, str]]:
@@ -70,10 +70,10 @@ def _report_facts(compared: ComparisonReport) -> Iterator[tuple[str, str]]:
 def _change_facts(compared: ComparisonReport) -> Iterator[tuple[str, str]]:
     # Changes of the model, the settings and the engine come before their consequences.
     most_shown = 4
-    shown = compared.model_changes[:most_shown]
-    for place, change in enumerate(shown):
+    shown_changes = compared.model_changes[:most_shown]
+    for place, change in enumerate(shown_changes):
         yield "" if place else "changed", change
-    if more := len(compared.model_changes) - len(shown):
+    if more := len(compared.model_changes) - len(shown_changes):
         one, other = (store.store for store in (compared.baseline, compared.candidate) if store)
         yield "", f"and {more} more: contactlab diff {one} {other}"
     for difference in compared.differences:

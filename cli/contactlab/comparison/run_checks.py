@@ -147,8 +147,8 @@ class PairLabels:
         """Return the changes of worst labels with their numbers of runs, most frequent first."""
         ranks, moved = self.paired.ranks, self.before != self.after
         changes = np.stack([self.before[moved], self.after[moved]], axis=1)
-        found, counts = np.unique(changes, axis=0, return_counts=True)
-        pairs = zip(found.tolist(), counts.tolist(), strict=True)
+        transitions, counts = np.unique(changes, axis=0, return_counts=True)
+        pairs = zip(transitions.tolist(), counts.tolist(), strict=True)
         return tuple(
             Transition(
                 baseline=ranks[before],
@@ -203,12 +203,12 @@ def _label_check(labels: PairLabels, subject: Subject, rank: int, members: Rows)
     if label in labels.notes and gained.any():
         parts.append(labels.notes[label])
 
-    shown = members[np.flatnonzero(verdicts == verdicts.max(initial=SAME))[:MOST_SHOWN]]
-    shown = shown if verdicts.any() else shown[:0]
+    shown_pairs = members[np.flatnonzero(verdicts == verdicts.max(initial=SAME))[:MOST_SHOWN]]
+    shown_pairs = shown_pairs if verdicts.any() else shown_pairs[:0]
     worst = labels.paired.run_pairs(
-        shown.tolist(),
-        [ranks[code] for code in labels.before[shown].tolist()],
-        [ranks[code] for code in labels.after[shown].tolist()],
+        shown_pairs.tolist(),
+        [ranks[code] for code in labels.before[shown_pairs].tolist()],
+        [ranks[code] for code in labels.after[shown_pairs].tolist()],
     )
     return subject.finding(verdicts, "; ".join(parts), worst)
 
@@ -232,15 +232,17 @@ def expectation_checks(paired: PairedStores) -> Iterator[Finding]:
         verdicts[(before.values == 0) & (after.values == 1)] = BETTER
         verdicts[(before.values == 1) & ~after.valid] = MISSING
         verdicts[~before.valid & (after.values == 0)] = CHANGED
-        judged = before.valid | after.valid
-        message = f"{out_of(int((after.values == 1).sum()), int(judged.sum()))} within {name}"
-        message = message if judged.any() else f"the sweep has no {name}"
-        shown = np.flatnonzero(verdicts == WORSE)[:MOST_SHOWN].tolist()
-        worst = paired.run_pairs(shown, ["met"] * len(shown), ["not met"] * len(shown))
+        is_judged = before.valid | after.valid
+        message = f"{out_of(int((after.values == 1).sum()), int(is_judged.sum()))} within {name}"
+        message = message if is_judged.any() else f"the sweep has no {name}"
+        shown_pairs = np.flatnonzero(verdicts == WORSE)[:MOST_SHOWN].tolist()
+        worst = paired.run_pairs(
+            shown_pairs, ["met"] * len(shown_pairs), ["not met"] * len(shown_pairs)
+        )
         subject = Subject(f"{name} still met", "labels", paired.policy.expectations)
-        found = subject.finding(verdicts[judged], message, worst)
+        finding = subject.finding(verdicts[is_judged], message, worst)
         unjudged = ~before.valid & (after.values == 0)
-        yield unless_unjudged(paired, subject, found, unjudged, after.valid)
+        yield unless_unjudged(paired, subject, finding, unjudged, after.valid)
 
 
 def recommendation_check(paired: PairedStores) -> Finding:
@@ -264,15 +266,15 @@ def recommendation_check(paired: PairedStores) -> Finding:
 
     new = format_settings(now.configuration)
     same = (each for each in after.configurations if each.configuration == configuration)
-    found = next(same, None)
-    if found is None or not found.feasible or found.time is None:
+    evaluation = next(same, None)
+    if evaluation is None or not evaluation.feasible or evaluation.time is None:
         return subject.single(WORSE, f"{old} is not feasible any more; now recommends {new}")
-    saved = 1 - now.time / found.time
+    saved = 1 - now.time / evaluation.time
     # Stored times of two sessions on one machine differ by up to this fraction for no reason.
     time_noise = 0.15
     if saved > time_noise:
-        told = f"{new} takes {format_percent(saved)} less time than {old}"
-        return subject.single(CHANGED, told)
+        saving_text = f"{new} takes {format_percent(saved)} less time than {old}"
+        return subject.single(CHANGED, saving_text)
     return subject.single(SAME, old)
 
 

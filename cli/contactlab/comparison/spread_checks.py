@@ -62,13 +62,13 @@ def spread_expectation_checks(paired: PairedStores) -> Iterator[Finding]:
 
 
 def _share_finding(subject: Subject, gained: Mask, lost: Mask, pairs: int, word: str) -> Finding:
-    new, gone = int(gained.sum()), int(lost.sum())
-    if not new and not gone:
+    new, lost_count = int(gained.sum()), int(lost.sum())
+    if not new and not lost_count:
         return subject.single(SAME, f"as often in {plural(pairs)}", judged=pairs)
-    low, high = paired_difference(new, gone, pairs)
+    low, high = paired_difference(new, lost_count, pairs)
     code = WORSE if low > 0 else BETTER if high < 0 else SAME
     message = (
-        f"{out_of(new, pairs)} newly {word}, {gone:,} no longer: {low:+.0%} to {high:+.0%} "
+        f"{out_of(new, pairs)} newly {word}, {lost_count:,} no longer: {low:+.0%} to {high:+.0%} "
         f"with {format_percent(SURE)}"
     )
     return subject.single(code, message, judged=pairs)
@@ -76,10 +76,13 @@ def _share_finding(subject: Subject, gained: Mask, lost: Mask, pairs: int, word:
 
 def spread_metric_checks(paired: PairedStores) -> Iterator[Finding]:
     """Yield for every metric and group whether most runs are worse, beyond chance and tolerance."""
-    measured = {**paired.candidate.columns.metric_columns, **paired.baseline.columns.metric_columns}
-    valued = sum(paired.read_numbers(name)[1].valid.any() for name in measured)
+    metric_columns = {
+        **paired.candidate.columns.metric_columns,
+        **paired.baseline.columns.metric_columns,
+    }
+    valued = sum(paired.read_numbers(name)[1].valid.any() for name in metric_columns)
     sure = _sure_of_each(int(valued))
-    for metric in measured.values():
+    for metric in metric_columns.values():
         rule = effective_rule(metric, paired.policy)
         reason = explain_incomparable(paired, metric, rule)
         for group, member in group_pairs(paired.baseline, paired.pairing, rule.by):
@@ -97,15 +100,15 @@ def spread_metric_checks(paired: PairedStores) -> Iterator[Finding]:
                 continue
             rows = np.flatnonzero(member)
             before, after = (column.at(rows) for column in paired.read_numbers(metric.name))
-            found = spread_finding(subject, rule, before, after, sure)
-            new, gone = after.valid & ~before.valid, before.valid & ~after.valid
-            known = before.valid | after.valid
+            finding = spread_finding(subject, rule, before, after, sure)
+            new, is_gone = after.valid & ~before.valid, before.valid & ~after.valid
+            has_value = before.valid | after.valid
             if (
-                known.any()
-                and paired_difference(*map(int, (new.sum(), gone.sum(), known.sum())))[0] > 0
+                has_value.any()
+                and paired_difference(*map(int, (new.sum(), is_gone.sum(), has_value.sum())))[0] > 0
             ):
-                found = unless_unjudged(paired, subject, found, new, after.valid)
-            yield found
+                finding = unless_unjudged(paired, subject, finding, new, after.valid)
+            yield finding
 
 
 def spread_finding(
@@ -115,9 +118,14 @@ def spread_finding(
     pairs = int((before.valid | after.valid).sum())
     if not pairs:
         return subject.single(SAME, "applies to no run")
-    gone, new = int((before.valid & ~after.valid).sum()), int((after.valid & ~before.valid).sum())
-    if paired_difference(gone, new, pairs)[0] > 0:
-        return subject.single(MISSING, f"{out_of(gone, pairs)} without a value now", judged=pairs)
+    lost_count, new = (
+        int((before.valid & ~after.valid).sum()),
+        int((after.valid & ~before.valid).sum()),
+    )
+    if paired_difference(lost_count, new, pairs)[0] > 0:
+        return subject.single(
+            MISSING, f"{out_of(lost_count, pairs)} without a value now", judged=pairs
+        )
     both = before.valid & after.valid
     tolerances, shares = _find_changes(rule, before.values[both], after.values[both])
     if not len(tolerances):
@@ -160,6 +168,8 @@ def _find_changes(rule: EffectiveRule, before: Floats, after: Floats) -> tuple[F
         size = np.where(before == 0, np.abs(after), np.abs(before))
         shares = np.where(change == 0, 0.0, change / size)
         tolerances = sign * change / rule.limit.allow_change(before)
-    lost, known = ~np.isfinite(after), np.isfinite(before)
-    tolerances = np.where(lost & known, np.inf, np.where(~lost & ~known, -np.inf, tolerances))
+    lost, is_finite = ~np.isfinite(after), np.isfinite(before)
+    tolerances = np.where(
+        lost & is_finite, np.inf, np.where(~lost & ~is_finite, -np.inf, tolerances)
+    )
     return np.nan_to_num(tolerances, nan=0.0, posinf=np.inf, neginf=-np.inf), np.nan_to_num(shares)

@@ -76,14 +76,14 @@ def damping_ratio_of(restitution: ArrayLike) -> Floats:
 
     Raises a ValueError unless each is in (0, 1].
     """
-    wanted = np.asarray(restitution, dtype=np.float64)
-    if not np.all((wanted > 0) & (wanted <= 1)):
+    target = np.asarray(restitution, dtype=np.float64)
+    if not np.all((target > 0) & (target <= 1)):
         raise ValueError(f"restitution must be above 0 and at most 1, not {restitution}")
     # e < 1 / zeta^2 everywhere, so the root lies below 1 / sqrt(e).
     return _bisect_root(
-        np.zeros_like(wanted),
-        1 / np.sqrt(wanted),
-        lambda zeta: restitution_from_damping(zeta) > wanted,
+        np.zeros_like(target),
+        1 / np.sqrt(target),
+        lambda zeta: restitution_from_damping(zeta) > target,
     )
 
 
@@ -116,14 +116,18 @@ def rest_penetration(
     bodies. Exact for elliptic cones and frictionless contacts; pyramids soften it. Results are
     cached, because many runs need the same.
     """
-    given = [np.asarray(argument, np.float64) for argument in (load, inverse_mass, solref, solimp)]
-    return _rest_penetration(*((argument.shape, argument.tobytes()) for argument in given)).copy()
+    arguments = [
+        np.asarray(argument, np.float64) for argument in (load, inverse_mass, solref, solimp)
+    ]
+    return _rest_penetration(
+        *((argument.shape, argument.tobytes()) for argument in arguments)
+    ).copy()
 
 
 @lru_cache(maxsize=64)
-def _rest_penetration(*given: tuple[tuple[int, ...], bytes]) -> Floats:
+def _rest_penetration(*arguments: tuple[tuple[int, ...], bytes]) -> Floats:
     load, inverse_mass, solref, solimp = (
-        np.frombuffer(values).reshape(shape) for shape, values in given
+        np.frombuffer(values).reshape(shape) for shape, values in arguments
     )
     stiffness, _ = stiffness_damping(solref)
     end = np.clip(solimp[..., 1], *IMPEDANCE_RANGE)

@@ -243,8 +243,8 @@ class Trace(EngineOutputs):
             PairTrace(pair.name, slots[id(pair.slots)], read_only(pair.friction))
             for pair in self.pairs
         )
-        held = self.held_pose and HeldPose(*map(read_only, vars(self.held_pose).values()))
-        return replace(self, pairs=pairs, held_pose=held, **arrays)
+        held_pose = self.held_pose and HeldPose(*map(read_only, vars(self.held_pose).values()))
+        return replace(self, pairs=pairs, held_pose=held_pose, **arrays)
 
     def select(self, runs: Sequence[int], steps: int | None = None) -> "Trace":
         """Return the given runs, cut to their first `steps` steps; views where NumPy allows."""
@@ -256,7 +256,7 @@ class Trace(EngineOutputs):
         ends: dict[str, int | None] = dict.fromkeys(_RUN_ARRAYS)
         ends |= dict.fromkeys(_STATE_ARRAYS, steps + 1) | dict.fromkeys(_STEP_ARRAYS, steps)
         arrays = {name: getattr(self, name) for name in ends}
-        held = self.held_pose
+        held_pose = self.held_pose
         return replace(
             self,
             timestep=self.timestep[index],
@@ -266,7 +266,8 @@ class Trace(EngineOutputs):
             ),
             warnings=tuple(self.warnings[run] for run in runs),
             passages=tuple(self.passages[run] for run in runs if self.passages),
-            held_pose=held and HeldPose(held.position[index, :steps], held.rotation[index, :steps]),
+            held_pose=held_pose
+            and HeldPose(held_pose.position[index, :steps], held_pose.rotation[index, :steps]),
             **{
                 name: None if array is None else array[index, : ends[name]]
                 for name, array in arrays.items()

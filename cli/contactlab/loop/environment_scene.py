@@ -93,18 +93,18 @@ class Environment:
         name = self.files[0].stem if self.files else self.name.replace("/", "-")
         return replace(stored_scene(folder, _MODEL_FILE, name), environment=self)
 
-    def _write_manifest(self, folder: Path, said: SceneManifest) -> None:
+    def _write_manifest(self, folder: Path, declared: SceneManifest) -> None:
         for file in self.files:
             shutil.copyfile(file, folder / file.name)
-        for beside in drive_files(said.drive):
+        for beside in drive_files(declared.drive):
             if not is_inner_name(beside):
                 raise SceneError(f"drive: {beside} is not below the folder of the manifest")
             (folder / beside).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(self.folder / beside, folder / beside)
-        named = Path(self.name).name if self.files else self.name
-        effects = {**said.effects, "base": "all"}
-        fixed = {"model": _MODEL_FILE, "environment": named, "effects": effects}
-        manifest = said.model_copy(update=fixed)
+        environment_name = Path(self.name).name if self.files else self.name
+        effects = {**declared.effects, "base": "all"}
+        fixed = {"model": _MODEL_FILE, "environment": environment_name, "effects": effects}
+        manifest = declared.model_copy(update=fixed)
         text = manifest.model_dump_json(indent=2, by_alias=True, exclude_defaults=True)
         (folder / MANIFEST).write_text(text, encoding="utf-8")
 
@@ -199,7 +199,14 @@ def _default_manifest(name: str, env: Any) -> SceneManifest:  # noqa: ANN401 - a
     own = unwrap_environment(env)
     # Those of robosuite have the other names.
     most, step = (
-        next((found for holder, word in names if (found := getattr(holder, word, None))), None)
+        next(
+            (
+                name_of_holder
+                for holder, word in names
+                if (name_of_holder := getattr(holder, word, None))
+            ),
+            None,
+        )
         for names in (
             ((getattr(env, "spec", None), "max_episode_steps"), (own, "horizon")),
             ((own, "dt"), (own, "control_timestep")),

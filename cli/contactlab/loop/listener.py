@@ -198,11 +198,11 @@ def _model_bytes(model: mujoco.MjModel) -> np.ndarray:
     return buffer
 
 
-def write_fields(model: mujoco.MjModel, wanted: mujoco.MjModel) -> None:
+def write_fields(model: mujoco.MjModel, target: mujoco.MjModel) -> None:
     """Copy differing fields from another model with the same parts, in place."""
-    for name in changed_fields(wanted, model):
+    for name in changed_fields(target, model):
         _, is_option, option = name.rpartition("opt.")
-        of, to = (wanted.opt, model.opt) if is_option else (wanted, model)
+        of, to = (target.opt, model.opt) if is_option else (target, model)
         value = getattr(of, option)
         if isinstance(value, np.ndarray):
             getattr(to, option)[:] = value

@@ -135,21 +135,23 @@ class Player:
         """Reset the environment with a run's model and seed; return its observation."""
         if self._env is None:
             self._env = self._make()
-        base, wanted = self._scene.base({}).model, _environment_model(plan)
+        base, planned_model = self._scene.base({}).model, _environment_model(plan)
         if self._edited is None or self._edited[0] is not plan.prepared:
-            self._edited = plan.prepared, frozenset(changed_fields(base, wanted))
+            self._edited = plan.prepared, frozenset(changed_fields(base, planned_model))
         model, data = find_simulation(unwrap_environment(self._env))
         _check_same_parts(model, base)
-        write_fields(model, wanted)
+        write_fields(model, planned_model)
         mujoco.mj_resetData(model, data)
         answer = reset_with_seed(self._env, plan.run.seed)
         again, data = find_simulation(unwrap_environment(self._env))
         if again is not model:
             _check_same_parts(again, base)
-            write_fields(again, wanted)
+            write_fields(again, planned_model)
             mujoco.mj_forward(again, data)
-        kept = {*self._edited[1], _TIMESTEP}
-        if lost := [name for name in changed_fields(wanted, again) if name in kept]:
+        expected_fields = {*self._edited[1], _TIMESTEP}
+        if lost := [
+            name for name in changed_fields(planned_model, again) if name in expected_fields
+        ]:
             raise FailureError(
                 f"reset() of the environment overwrites values of the sweep: {', '.join(lost)}"
             )
@@ -300,14 +302,14 @@ class _EpisodeListener(Listener):
     def _cut_episode(self, why: str | None) -> None:
         raise _CutError(why or _RESET_TEXT)
 
-    def episode(self, said: dict[str, Any], failed: str | None) -> Episode:
+    def episode(self, fields: dict[str, Any], failed: str | None) -> Episode:
         """Return the episode with further fields, and the reason of a failure, if any."""
         with finer_steps(self._reader.model, self._rate):
-            return self._build_episode(said, failed)
+            return self._build_episode(fields, failed)
 
-    def _build_episode(self, said: dict[str, Any], failed: str | None) -> Episode:
-        reader, made, plan = self._reader, self.steps, self._plan
-        if not made:
+    def _build_episode(self, fields: dict[str, Any], failed: str | None) -> Episode:
+        reader, step_count, plan = self._reader, self.steps, self._plan
+        if not step_count:
             # One row, which is not measured.
             mujoco.mj_forward(reader.model, reader.data)
             self._handle_changes()
@@ -320,11 +322,11 @@ class _EpisodeListener(Listener):
         }
         prepared = replace(plan.prepared, model=before, pairs=pairs)
         rollout = steps.rollout(PreparedRuns(self._scene, [resolved], [prepared], start, count))
-        rollout = replace(rollout, steps=rollout.steps if made else (0,), errors=(failed,))
+        rollout = replace(rollout, steps=rollout.steps if step_count else (0,), errors=(failed,))
         own = replace(plan, run=resolved, prepared=prepared, start=start)
         loop = self._loop_record(plan.prepared.model, _UNCHECKED_TEXT)
-        said = {**said, "loop": loop, "duration": plan.run.duration}
-        return Episode(own, rollout, known_setup(steps), self._started, said)
+        fields = {**fields, "loop": loop, "duration": plan.run.duration}
+        return Episode(own, rollout, known_setup(steps), self._started, fields)
 
 
 def create_actor(
@@ -339,8 +341,8 @@ def create_actor(
     noise = _noise_source(plan.run.seed, variant.noise) if variant and variant.noise else None
     if policy is not None:
         assert isinstance(plan.run.drive, PolicyDrive)
-        made = policy(copy.copy(model))
-        act = _policy_actor(made, plan.run.drive.rate, data, noise)
+        policy_action = policy(copy.copy(model))
+        act = _policy_actor(policy_action, plan.run.drive.rate, data, noise)
         return _delayed_actor(act, variant.delay) if variant and variant.delay else act
     space: Any = getattr(env, "action_space", None)
     if not (hasattr(space, "seed") and hasattr(space, "sample")):

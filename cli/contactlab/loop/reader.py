@@ -88,9 +88,13 @@ class LoopSteps:
         for name, field in recorder.fields.items():
             np.copyto(field, self.fields[name])
         recorder.enter_run(0, 0, model, runs.starts, self.state)
-        held = [self._held_levels(controls, model)] if (controls != controls[0]).any() else ()
+        held_levels = (
+            [self._held_levels(controls, model)] if (controls != controls[0]).any() else ()
+        )
         arrays = RolloutArrays(self.state[None], self.rows[None], self.fields["solver_niter"][None])
-        rollout = completed_rollout(arrays, np.full(1, np.nan), self.warnings[None], [None], held)
+        rollout = completed_rollout(
+            arrays, np.full(1, np.nan), self.warnings[None], [None], held_levels
+        )
         rollout = replace(recorder.attach_outputs(rollout), slots=self.slots)
         if rollout.work is not None and self.fields["qfrc_applied"].any():
             rollout.work[:, :, OTHERS] = np.nan
@@ -98,9 +102,9 @@ class LoopSteps:
 
     def _held_levels(self, levels: Floats, model: mujoco.MjModel) -> RecordedControls:
         """Return (N, ...) levels of steps, each until the next that differs."""
-        kept = np.flatnonzero(np.append(True, (np.diff(levels, axis=0) != 0).any(axis=1)))
-        times = np.append(kept, len(levels)) * model.opt.timestep
-        return RecordedControls(times, levels[np.append(kept, kept[-1])])
+        change_steps = np.flatnonzero(np.append(True, (np.diff(levels, axis=0) != 0).any(axis=1)))
+        times = np.append(change_steps, len(levels)) * model.opt.timestep
+        return RecordedControls(times, levels[np.append(change_steps, change_steps[-1])])
 
 
 class LoopReader:
@@ -183,17 +187,17 @@ class LoopReader:
 
     def make_steps(self, count: int) -> None:
         """Make steps as `mj_step` does, and read each."""
-        model, data, read = self.model, self.data, self._read
+        model, data, read_step = self.model, self.data, self._read
         make = self._make_split_step if self._splits else mj_step
         if count == 1:
             make(model, data)
-            read()
+            read_step()
             return
         if self.steps + count > self.room:
             self.grow(2 * (self.room + count))
         for _ in range(count):
             make(model, data)
-            read()
+            read_step()
 
     def _make_split_step(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Make a step and read its start's contacts before the last stage of RK4 replaces them."""
@@ -249,8 +253,8 @@ class _PlainSteps:
         views: Mapping[str, np.ndarray],
     ) -> None:
         self._model, self._data, self._views, self._free = model, data, views, base.free
-        held = base.holding
-        names = (held.subject, held.holder) if held else ()
+        holding = base.holding
+        names = (holding.subject, holding.holder) if holding else ()
         self._bodies = [require_id(model, "body", name) for name in names]
         pairs = [(pair.bodies, *_side_ids(model, pair), pair.slots) for pair in base.pairs]
         self._pairs = np.array(pairs, np.int64).reshape(-1, 4)
@@ -317,11 +321,11 @@ class _PlainSteps:
             parts += between, data.xquat[holder]
         row = np.concatenate([*parts, data.actuator_force, data.ten_length])
         self._arrays["rows"][self._count] = row
-        measured = measure_contacts(model, data) if data.ncon else None
+        contact_values = measure_contacts(model, data) if data.ncon else None
         for filled, pair in zip(self._filled, self._pairs, strict=True):
             filled.append(np.zeros((pair[3], SLOT_WIDTH)))
-            if measured is not None:
-                fill_pair(model, data, pair[:3], measured, filled[-1])
+            if contact_values is not None:
+                fill_pair(model, data, pair[:3], contact_values, filled[-1])
 
     def slots(self) -> tuple[Floats, ...]:
         """Return (1, N, S, 23) the slots of each pair; raise a MemoryError if some were lost."""

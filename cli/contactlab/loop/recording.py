@@ -88,11 +88,11 @@ def record(
         raise OutputError(f"{folder} has a finished recording; name another, or add fresh=True")
     name = folder.absolute().name
     sweep, manifest = _read_declarations(model, name, monitor, trace, scene or {})
-    with ExitStack() as opening, TemporaryDirectory() as written:
+    with ExitStack() as opening, TemporaryDirectory() as scene_folder:
         text = manifest.model_dump_json(indent=2, by_alias=True, exclude_defaults=True)
-        (Path(written) / MANIFEST).write_text(text, encoding="utf-8")
-        mujoco.mj_saveModel(model, str(Path(written) / _MODEL_FILE))
-        source = stored_scene(Path(written), _MODEL_FILE, name)
+        (Path(scene_folder) / MANIFEST).write_text(text, encoding="utf-8")
+        mujoco.mj_saveModel(model, str(Path(scene_folder) / _MODEL_FILE))
+        source = stored_scene(Path(scene_folder), _MODEL_FILE, name)
         own = Scene(source, ENGINES)
         if not own.base({}).pairs:
             raise SceneError("no two geoms of the model can touch, so there is no pair to monitor")
@@ -102,8 +102,8 @@ def record(
             "runs_asked": 0,
             "plan_hash": _hash_ids([]),
         }
-        known = identity_fields(name, own, sweep)
-        identity = SweepIdentity(**known, lacking=lacking_checks(), **unknown)
+        identity_values = identity_fields(name, own, sweep)
+        identity = SweepIdentity(**identity_values, lacking=lacking_checks(), **unknown)
         writer = opening.enter_context(open_writer(folder, identity, source.content, fresh=fresh))
         assert isinstance(writer, StoreWriter)
         where = writer.scene_folder.resolve()
@@ -135,12 +135,12 @@ class Recording(Listener):
         """Return the number of episodes, their store, and the command that reads it."""
         count = f"{self.episodes} episode{'s' if self.episodes != 1 else ''}"
         labels = ", ".join(f"{number} {label}" for label, number in self._labels.most_common())
-        said = f"{count} in {self.store}{f': {labels}' if labels else ''}"
+        summary = f"{count} in {self.store}{f': {labels}' if labels else ''}"
         if not self.closed:
-            return f"<recording, {said}>"
+            return f"<recording, {summary}>"
         if not self.episodes:
-            return f"<{said}>"
-        return f"{said}\nnext: contactlab report {shell_word(self.store)}"
+            return f"<{summary}>"
+        return f"{summary}\nnext: contactlab report {shell_word(self.store)}"
 
     def follow(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """End the episode and record another simulation, such as environments create at a reset.
@@ -213,23 +213,23 @@ class Recording(Listener):
             reader.clear()
             return
         steps = self._take_steps()
-        made, base = len(steps.rows), scene.base({})
-        duration = made * model.opt.timestep
+        step_count, base = len(steps.rows), scene.base({})
+        duration = step_count * model.opt.timestep
         (run,) = scene.plan_runs({}, [self.episodes], duration, self.episodes)
         start = steps.starts(model)
         prepared = scene.prepare(run, start, model)
         total = math.nan if total_reward is None else float(total_reward)
-        rollout = steps.rollout(PreparedRuns(scene, [run], [prepared], start, made))
-        said: dict[str, object] = {
+        rollout = steps.rollout(PreparedRuns(scene, [run], [prepared], start, step_count))
+        fields: dict[str, object] = {
             "success": None if success is None else bool(success),
             # A return that is not finite is not stored.
             "total_reward": total if math.isfinite(total) else None,
             "loop": self._loop_record(base.model, _UNCHECKED_TEXT),
         }
         if cut:
-            said |= {"status": "stopped", "status_reason": f"cut after {made} steps: {cut}"}
+            fields |= {"status": "stopped", "status_reason": f"cut after {step_count} steps: {cut}"}
         plan = PlannedModel(run, prepared, start)
-        episode = Episode(plan, rollout, known_setup(steps), self._started, said)
+        episode = Episode(plan, rollout, known_setup(steps), self._started, fields)
         finished = self._worker.finish_loop(*episode)
         self._writer.append_rows([finished.row])
         self._labels[finished.label] += 1
@@ -242,7 +242,7 @@ def _read_declarations(
     name: str,
     monitor: Sequence[Monitored] | None,
     trace: str,
-    said: Mapping[str, Any],
+    declared: Mapping[str, Any],
 ) -> tuple[Sweep, SceneManifest]:
     """Return a sweep and a manifest from the arguments; raise a SceneError for wrong ones."""
     entries = [entry for one in monitor or () for entry in _pair_entries(model, one)]
@@ -253,9 +253,9 @@ def _read_declarations(
         "duration": most_seconds,
         "effects": {"base": "all"},
     }
-    own = {**_DEFAULT_TEXTS, **said, **fixed, "pairs": [*entries, *said.get("pairs", ())]}
-    if "hold" in said:
-        own["hold"] = {"to": most_seconds, **said["hold"]}
+    own = {**_DEFAULT_TEXTS, **declared, **fixed, "pairs": [*entries, *declared.get("pairs", ())]}
+    if "hold" in declared:
+        own["hold"] = {"to": most_seconds, **declared["hold"]}
     try:
         manifest = SceneManifest.model_validate(own)
         sweep = Sweep(version=1, scene=name, effects={"base": "all"}, trace=trace)
@@ -279,10 +279,12 @@ def _pair_entries(model: mujoco.MjModel, monitored: Monitored) -> list[Mapping[s
     bodies = [name_of(model, "body", body) for body in model.geom_bodyid]
     of = set(match_names([*names, *bodies], monitored))
     pairs = geom_pairs(touch_mask(model))
-    found = [pair for pair in pairs if any(of & {names[geom], bodies[geom]} for geom in pair)]
-    if not found:
+    monitored_pairs = [
+        pair for pair in pairs if any(of & {names[geom], bodies[geom]} for geom in pair)
+    ]
+    if not monitored_pairs:
         raise SceneError(f"monitor: no geom or body '{monitored}' can touch anything")
-    return [{"geoms": tuple(names[geom] for geom in pair)} for pair in found]
+    return [{"geoms": tuple(names[geom] for geom in pair)} for pair in monitored_pairs]
 
 
 def lacking_checks(

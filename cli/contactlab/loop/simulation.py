@@ -51,14 +51,14 @@ def read_success(env: Any, info: Mapping[str, Any]) -> bool | None:  # noqa: ANN
 
     None stands for an environment with neither.
     """
-    said = [bool(info[name]) for name in SUCCESS if name in info]
+    successes = [bool(info[name]) for name in SUCCESS if name in info]
     check = getattr(unwrap_environment(env), "_check_success", None)
-    return said[0] if said else bool(check()) if callable(check) else None
+    return successes[0] if successes else bool(check()) if callable(check) else None
 
 
-def differing_parts(model: mujoco.MjModel, known: mujoco.MjModel) -> str:
+def differing_parts(model: mujoco.MjModel, other: mujoco.MjModel) -> str:
     """Return the parts of a model that differ from those of another; empty if none do."""
-    return ", ".join(part for part in _PART_FIELDS if getattr(model, part) != getattr(known, part))
+    return ", ".join(part for part in _PART_FIELDS if getattr(model, part) != getattr(other, part))
 
 
 def _unwrap_object(wrapped: Any, own: str) -> Any:  # noqa: ANN401 - likewise

@@ -155,7 +155,7 @@ def _find_blockers(evaluated: Sequence[Evaluated]) -> Iterator[Blocker]:
 
 
 def _measurement_notes(report: TradeoffReport) -> Iterator[str]:
-    time, found = report.time, report.configurations
+    time, configurations = report.time, report.configurations
     noisy_spread = 0.05  # spread of the rounds of a timing pass that deserves a note
     if time.source == "recording":
         yield (
@@ -167,13 +167,17 @@ def _measurement_notes(report: TradeoffReport) -> Iterator[str]:
             f"rounds of the timing pass differ by {time.spread:.0%}, median over minimum: "
             "smaller differences between configurations are noise"
         )
-    if below := sum(configuration.below_estimate for configuration in found):
+    if below := sum(configuration.below_estimate for configuration in configurations):
         yield (
-            f"{below} of {len(found)} configurations have an error below the uncertainty of "
+            f"{below} of {len(configurations)} configurations have an error below the uncertainty "
+            "of "
             "the reference, which is reported instead"
         )
-    if unknown := sum(configuration.error is None for configuration in found):
-        yield f"{unknown} of {len(found)} configurations have runs without {report.error.name}"
+    if unknown := sum(configuration.error is None for configuration in configurations):
+        yield (
+            f"{unknown} of {len(configurations)} configurations have runs without "
+            f"{report.error.name}"
+        )
 
 
 def _report_notes(

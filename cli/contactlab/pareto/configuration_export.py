@@ -90,13 +90,14 @@ def _yaml_lines(content: Mapping[str, object]) -> Iterator[str]:
             yield f"{name}: {json.dumps(value)}"
 
 
-def _scene_reference(store: Store, named: str, folder: Path) -> str:
+def _scene_reference(store: Store, reference: str, folder: Path) -> str:
     """Return the scene's name or, relative to a folder, the path of the store's copy."""
-    if named in resources.scene_names() or ":" in named:
-        return named
+    if reference in resources.scene_names() or ":" in reference:
+        return reference
     if not isinstance(store.address, Path):
         raise StoreError(
-            f"the scene '{named}' is stored in {store.address} only; copy the store to a folder "
+            f"the scene '{reference}' is stored in {store.address} only; copy the store to a "
+            "folder "
             "and analyze it there, so that the sweep file can name the scene"
         )
     manifest = next(store.scene_folder.rglob(_MANIFEST_NAME), None)

@@ -64,12 +64,14 @@ def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
 
     first = store.manifest.sweep.baseline
     place = None if first is None else columns.place_of(first)
-    written = None
+    written_options = None
     if place is not None:
         # Contact parameters may differ between the geoms of a run.
         settings = store.record(columns.run_id(place)).settings
         options = {name: settings[name] for name in OPTIONS if name in settings}
-        written = {name: value for name, value in options.items() if not isinstance(value, tuple)}
+        written_options = {
+            name: value for name, value in options.items() if not isinstance(value, tuple)
+        }
     return StoredRuns(
         knobs=of("knob"),
         scenarios=of("scenario"),
@@ -78,7 +80,7 @@ def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
         numbers=_StoredNumbers(columns, names),
         solref_rules=columns.coded(_SOLREF_RULE).values if _SOLREF_RULE in present else (),
         baseline=place,
-        written_options=written,
+        written_options=written_options,
     )
 
 
@@ -215,7 +217,7 @@ def evaluate_configurations(runs: StoredRuns, criteria: ResolvedCriteria) -> lis
     A configuration is feasible if it was run in every scenario and seed of any other, has no
     failure label in any of them, meets every tolerance in the worst of them, and was timed.
     """
-    groups, found = group_runs(runs), list[Evaluated]()
+    groups, evaluated = group_runs(runs), list[Evaluated]()
     firsts, counts = groups.order[groups.starts].tolist(), groups.counts.tolist()
     each = zip(
         firsts,
@@ -226,13 +228,13 @@ def evaluate_configurations(runs: StoredRuns, criteria: ResolvedCriteria) -> lis
     )
     for first, count, cases, figures in each:
         values = {name: settings[codes[first]] for name, (codes, settings) in runs.knobs.items()}
-        if runs.written_options and not found:
+        if runs.written_options and not evaluated:
             for name, (codes, settings) in runs.knobs.items():
                 # Settings that others also leave to the scene are the same there.
                 if values[name] is None and (codes == settings.index(None)).sum() == count:
                     values[name] = runs.written_options.get(name)
-        found.append(_evaluate_one(values, first, figures, criteria, (cases, groups.every)))
-    return found
+        evaluated.append(_evaluate_one(values, first, figures, criteria, (cases, groups.every)))
+    return evaluated
 
 
 def _measured_figures(
@@ -274,8 +276,8 @@ def _measured_figures(
 def _label_counts(codes: NDArray[np.integer], names: Sequence[str]) -> dict[str, int]:
     values, firsts, counts = np.unique(codes, return_index=True, return_counts=True)
     order = np.argsort(firsts)
-    found: list[int] = values[order].tolist()
-    return {names[code]: n for code, n in zip(found, counts[order].tolist(), strict=True)}
+    present_codes: list[int] = values[order].tolist()
+    return {names[code]: n for code, n in zip(present_codes, counts[order].tolist(), strict=True)}
 
 
 def _evaluate_one(
@@ -374,8 +376,8 @@ def _excess_text(name: str, worst: float | None, tolerance: float) -> str:
 
 def find_insensitive_knobs(evaluated: Sequence[Evaluated]) -> list[str]:
     """Return the knobs that alone change no error by more than 1 %, and no label."""
-    known = any(configuration.summary.error is not None for configuration in evaluated)
-    names = list(evaluated[0].values) if known else []
+    has_errors = any(configuration.summary.error is not None for configuration in evaluated)
+    names = list(evaluated[0].values) if has_errors else []
     return [name for name in names if _is_insensitive(evaluated, name)]
 
 
@@ -402,8 +404,10 @@ def _is_insensitive(evaluated: Sequence[Evaluated], name: str) -> bool:
 
 def _is_equal(evaluated: Sequence[Evaluated]) -> bool:
     errors = [configuration.summary.error for configuration in evaluated]
-    known = [error for error in errors if error is not None]
+    known_errors = [error for error in errors if error is not None]
     idle_ratio = 1.01  # a knob counts as insensitive within this ratio of errors
-    if known and (len(known) < len(errors) or max(known) > idle_ratio * min(known)):
+    if known_errors and (
+        len(known_errors) < len(errors) or max(known_errors) > idle_ratio * min(known_errors)
+    ):
         return False
     return len({tuple(sorted(configuration.failures)) for configuration in evaluated}) == 1

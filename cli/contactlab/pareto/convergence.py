@@ -59,12 +59,13 @@ def convergence_order(steps: TimestepErrors, floor: float = 0.0) -> Order:
     clear = steps.error > RULES.clear_ratio * np.maximum(steps.uncertainty, floor)
     timestep, error = np.log(steps.timestep[clear]), np.log(steps.error[clear])
     if len(timestep) < RULES.min_timesteps:
-        found = len(timestep)
+        usable_count = len(timestep)
         if not floor and not steps.uncertainty.any():
-            return no_order(f"{found} timesteps, but a line needs {RULES.min_timesteps}")
+            return no_order(f"{usable_count} timesteps, but a line needs {RULES.min_timesteps}")
         threshold = "the floor" if floor else "the reference's own error"
         return no_order(
-            f"{found} of at least {RULES.min_timesteps} timesteps have an error above three times "
+            f"{usable_count} of at least {RULES.min_timesteps} timesteps have an error above three "
+            "times "
             f"{threshold}"
         )
     for count in range(len(timestep), RULES.min_timesteps - 1, -1):

@@ -74,14 +74,14 @@ def error_measure(
     described = store.columns.described.get(name)
     # All runs of a sweep have the same kind of error.
     kinds = store.columns.coded("error_kind").values if name in ERRORS else ()
-    asked = stored_sweep(store.manifest.sweep).accuracy
+    accuracy = stored_sweep(store.manifest.sweep).accuracy
     modeling = "modeling" if name == MODELING_ERROR else "metric"
     return ErrorMeasure(
         name=name,
         unit=described.unit if described else "",
         kind="discretization" if name in ERRORS else modeling,
         against=next(filter(None, kinds), None),
-        reference=asked.against if name in ERRORS and asked else "own",
+        reference=accuracy.against if name in ERRORS and accuracy else "own",
         resolution=described.resolution if described else 0.0,
     )
 
@@ -97,8 +97,8 @@ def time_measure(store: Store) -> TimeMeasure:
         return TimeMeasure(name=RECORDED_TIME_COLUMN, source="recording", spread=None)
     middle, least = (store.columns.numbers(name).values for name in (TIMED_COLUMN, "time_min"))
     # One round has no spread.
-    timed = np.isfinite(middle) & (least > 0) & (middle > least)
-    spread = float(np.median(middle[timed] / least[timed] - 1)) if timed.any() else None
+    is_timed = np.isfinite(middle) & (least > 0) & (middle > least)
+    spread = float(np.median(middle[is_timed] / least[is_timed] - 1)) if is_timed.any() else None
     return TimeMeasure(name=TIMED_COLUMN, source="timing", spread=spread)
 
 
@@ -108,9 +108,13 @@ def _all_failed(store: Store) -> bool:
 
 
 def _check_number(store: Store, name: str) -> None:
-    known = [column for column in store.columns.schema.names if store.columns.is_number(column)]
+    number_columns = [
+        column for column in store.columns.schema.names if store.columns.is_number(column)
+    ]
     message = f"no number '{name}' in the table of {store.address}"
-    SweepFileError.unless_known(name, known, message, rest="\nsee `contactlab list metrics`")
+    SweepFileError.unless_known(
+        name, number_columns, message, rest="\nsee `contactlab list metrics`"
+    )
 
 
 def _is_measured(store: Store, name: str) -> bool:

@@ -49,8 +49,8 @@ def mark_ends(
     for places in models.values():
         finest = min(places, key=lambda place: evaluated[place].summary.error or 0.0)
         for place in places:
-            said = _describe_difference(ends[place], ends[finest])
-            summary = evaluated[place].summary.model_copy(update={"ends_elsewhere": said})
+            difference = _describe_difference(ends[place], ends[finest])
+            summary = evaluated[place].summary.model_copy(update={"ends_elsewhere": difference})
             marked[place] = replace(evaluated[place], summary=summary)
     return marked
 
@@ -77,12 +77,12 @@ def _describe_difference(here: _Ends, finest: _Ends) -> str:
         return ""
     for name, distances in here.distances.items():
         other = finest.distances[name]
-        known = np.isfinite(distances) & np.isfinite(other)
-        if not known.any():
+        both_finite = np.isfinite(distances) & np.isfinite(other)
+        if not both_finite.any():
             continue
         alike = 0.1 * np.maximum(abs(distances), abs(other)) + here.depths + finest.depths
-        excess = np.where(known, abs(distances - other) - alike, -np.inf)
-        if np.median(excess[known]) > 0:
+        excess = np.where(both_finite, abs(distances - other) - alike, -np.inf)
+        if np.median(excess[both_finite]) > 0:
             worst = int(excess.argmax())
             ours, theirs = format_amount(distances[worst], "m"), format_amount(other[worst], "m")
             return f"{name} {ours} instead of {theirs}"

@@ -18,8 +18,8 @@ def pareto_front(time: Floats, error: Floats) -> list[int]:
     A point dominates another if it is no worse in both, and better in one; equal points do not
     dominate each other. A point with NaN as time or error is on no front.
     """
-    known = np.flatnonzero(np.isfinite(time) & np.isfinite(error))
-    order = known[np.lexsort((error[known], time[known]))]
+    measured_places = np.flatnonzero(np.isfinite(time) & np.isfinite(error))
+    order = measured_places[np.lexsort((error[measured_places], time[measured_places]))]
     front: list[int] = []
     for index in order:
         last = front[-1] if front else None

@@ -61,7 +61,7 @@ def chart_data(report: TradeoffReport, places: Collection[int] | None = None) ->
     its line is its own front.
     """
     keys = {method_key(method.configuration) for method in report.methods}
-    shown = {
+    drawn_configurations = {
         place: configuration
         for place, configuration in enumerate(report.configurations)
         if (method_key(configuration.configuration) in keys or configuration == report.baseline)
@@ -70,25 +70,39 @@ def chart_data(report: TradeoffReport, places: Collection[int] | None = None) ->
     crowded = len(keys) > _MOST_METHODS and _INTEGRATOR in report.varying
     lines = {
         place: _line_key(configuration.configuration, crowded=crowded)
-        for place, configuration in shown.items()
+        for place, configuration in drawn_configurations.items()
     }
     front = _front_places(
-        {place: configuration for place, configuration in shown.items() if configuration.feasible}
+        {
+            place: configuration
+            for place, configuration in drawn_configurations.items()
+            if configuration.feasible
+        }
     )
-    names = _method_names(report, shown, lines, front)
+    names = _method_names(report, drawn_configurations, lines, front)
     floors: list[Row] = [
         {"method": names[key], "error": method.floor.error}
         for method in report.methods
         if method.floor and (key := _line_key(method.configuration, crowded=crowded)) in names
     ]
-    frame = _axis_limits(report, shown.values(), [floor["error"] for floor in floors])
-    drawn = {place: key for place, key in lines.items() if not _is_failed(shown[place])}
+    frame = _axis_limits(
+        report, drawn_configurations.values(), [floor["error"] for floor in floors]
+    )
+    drawn_lines = {
+        place: key for place, key in lines.items() if not _is_failed(drawn_configurations[place])
+    }
     if crowded:
         fronts = [
-            _front_places({place: shown[place] for place in drawn if drawn[place] == key})
-            for key in dict.fromkeys(drawn.values())
+            _front_places(
+                {
+                    place: drawn_configurations[place]
+                    for place in drawn_lines
+                    if drawn_lines[place] == key
+                }
+            )
+            for key in dict.fromkeys(drawn_lines.values())
         ]
-        drawn = {place: drawn[place] for members in fronts for place in members}
+        drawn_lines = {place: drawn_lines[place] for members in fronts for place in members}
     return ChartData(
         frame=frame,
         methods=list(names.values()),
@@ -97,13 +111,16 @@ def chart_data(report: TradeoffReport, places: Collection[int] | None = None) ->
                 **_point_row(configuration, report, names.get(lines[place], OTHERS), frame),
                 "place": place,
                 "line": str(lines[place]),
-                "drawn": place in drawn,
+                "drawn": place in drawn_lines,
                 "labelled": place in front,
             }
-            for place, configuration in shown.items()
+            for place, configuration in drawn_configurations.items()
         ],
         front=[
-            {"time": shown[place].time, "error": _visible_error(shown[place].error, frame)}
+            {
+                "time": drawn_configurations[place].time,
+                "error": _visible_error(drawn_configurations[place].error, frame),
+            }
             for place in front
         ],
         floors=floors,
@@ -120,22 +137,28 @@ def _line_key(values: Settings, *, crowded: bool) -> MethodKey:
     return ((_INTEGRATOR, values[_INTEGRATOR]),) if crowded else method_key(values)
 
 
-def _front_places(shown: Mapping[int, Configuration]) -> list[int]:
-    places = list(shown)
-    return [places[index] for index in front_of([*shown.values()])]
+def _front_places(configurations: Mapping[int, Configuration]) -> list[int]:
+    places = list(configurations)
+    return [places[index] for index in front_of([*configurations.values()])]
 
 
 def _method_names(
     report: TradeoffReport,
-    shown: Mapping[int, Configuration],
+    configurations: Mapping[int, Configuration],
     lines: Mapping[int, MethodKey],
     front: Collection[int],
 ) -> dict[MethodKey, str]:
-    marked = [place for place in shown if _mark_words(shown[place].configuration, report)]
-    marked.sort(key=lambda place: _mark_words(shown[place].configuration, report) == NOW)
-    measured = [place for place in shown if not _is_failed(shown[place])]
-    by_error = sorted(measured, key=lambda place: shown[place].error or 0.0)
-    keys = list(dict.fromkeys(lines[place] for place in (*marked, *front, *by_error, *shown)))
+    marked = [
+        place
+        for place in configurations
+        if _mark_words(configurations[place].configuration, report)
+    ]
+    marked.sort(key=lambda place: _mark_words(configurations[place].configuration, report) == NOW)
+    measured_places = [place for place in configurations if not _is_failed(configurations[place])]
+    by_error = sorted(measured_places, key=lambda place: configurations[place].error or 0.0)
+    keys = list(
+        dict.fromkeys(lines[place] for place in (*marked, *front, *by_error, *configurations))
+    )
     differing = varying_knobs([dict(key) for key in keys])
     return {
         key: f"{letter}  {method_name(dict(key), differing)}"
@@ -144,13 +167,13 @@ def _method_names(
 
 
 def _axis_limits(
-    report: TradeoffReport, shown: Collection[Configuration], floors: list[float]
+    report: TradeoffReport, configurations: Collection[Configuration], floors: list[float]
 ) -> ChartFrame:
     limit = report.tolerances.get(report.error.name)
-    times = [configuration.time for configuration in shown if configuration.time]
+    times = [configuration.time for configuration in configurations if configuration.time]
     errors = [
         configuration.error
-        for configuration in shown
+        for configuration in configurations
         if configuration.error and not _is_failed(configuration)
     ]
     # Errors above this many tolerances are drawn at the edge, to leave room for the others.
@@ -220,11 +243,11 @@ def chart_specification(
     the place of their configuration in the report.
     """
     feasible = sum(configuration.feasible for configuration in report.configurations)
-    held = f"{feasible} of {len(report.configurations)}"
+    feasible_text = f"{feasible} of {len(report.configurations)}"
     title = alt.TitleParams(
         f"{report.scene}: what accuracy costs in time",
         subtitle=[
-            f"{held} configurations are feasible; gray line: their Pareto front;",
+            f"{feasible_text} configurations are feasible; gray line: their Pareto front;",
             "filled: within every tolerance; hollow: beyond one; cross: failed, or off the chart;",
             "arrow: upper bound; dotted: modeling error; bar: down to the least of its runs",
         ],
@@ -238,58 +261,60 @@ def chart_specification(
     )
 
 
-def _chart_layers(report: TradeoffReport, shown: ChartData) -> Iterator[alt.Chart]:
+def _chart_layers(report: TradeoffReport, data: ChartData) -> Iterator[alt.Chart]:
     unit = f" [{report.error.unit}]" if report.error.unit not in {"", "1", "any"} else ""
     source = "" if report.time.source == "timing" else " (while recording)"
-    x = alt.X("time:Q").scale(type="log", domain=shown.frame.time, nice=False)
-    y = alt.Y("error:Q").scale(type="log", domain=shown.frame.error, nice=False)
+    x = alt.X("time:Q").scale(type="log", domain=data.frame.time, nice=False)
+    y = alt.Y("error:Q").scale(type="log", domain=data.frame.error, nice=False)
     x = x.axis(title=f"CPU seconds per simulated second{source}", format="~g")
     y = y.axis(
         title=f"{report.error.name}{unit}, worst of {report.runs_per_configuration} runs",
         labelExpr=_TICK_LABEL,
     )
-    colour = _method_channel(shown, alt.Color, [*COLOURS[: len(shown.methods)], OTHERS_COLOUR])
-    measured = [point for point in shown.points if point["state"] != "failed"]
-    failed = [point for point in shown.points if point["state"] == "failed"]
-    named = [point for point in measured if point["method"] != OTHERS]
+    colour = _method_channel(data, alt.Color, [*COLOURS[: len(data.methods)], OTHERS_COLOUR])
+    measured_points = [point for point in data.points if point["state"] != "failed"]
+    failed = [point for point in data.points if point["state"] == "failed"]
+    named_points = [point for point in measured_points if point["method"] != OTHERS]
     if limit := report.tolerances.get(report.error.name):
-        low = alt.Y("low:Q").scale(type="log", domain=shown.frame.error, nice=False)
-        across = alt.X("time:Q").scale(type="log", domain=shown.frame.time, nice=False)
-        band = layer_of("band", [{"low": limit, "high": shown.frame.error[1]}])
+        low = alt.Y("low:Q").scale(type="log", domain=data.frame.error, nice=False)
+        across = alt.X("time:Q").scale(type="log", domain=data.frame.time, nice=False)
+        band = layer_of("band", [{"low": limit, "high": data.frame.error[1]}])
         yield band.mark_rect(color="#f2f2f2").encode(low, alt.Y2("high:Q"))
         words = layer_of(
-            "tolerance", [{"low": limit, "text": "tolerance", "time": shown.frame.time[1]}]
+            "tolerance", [{"low": limit, "text": "tolerance", "time": data.frame.time[1]}]
         )
-        written = words.mark_text(align="right", dx=-4, dy=-7, color="#777777", fontSize=11)
-        yield written.encode(across, low, alt.Text("text:N"))
-    drawn = [point for point in measured if point["drawn"]]
-    lines = layer_of("lines", drawn).mark_line(strokeWidth=1.2, opacity=0.8)
+        label_text = words.mark_text(align="right", dx=-4, dy=-7, color="#777777", fontSize=11)
+        yield label_text.encode(across, low, alt.Text("text:N"))
+    line_points = [point for point in measured_points if point["drawn"]]
+    lines = layer_of("lines", line_points).mark_line(strokeWidth=1.2, opacity=0.8)
     yield lines.encode(x, y, colour, detail="line:N", order="time:Q")
-    if shown.floors:
-        rules = layer_of("floors", shown.floors).mark_rule(strokeDash=[2, 3], strokeWidth=1.5)
+    if data.floors:
+        rules = layer_of("floors", data.floors).mark_rule(strokeDash=[2, 3], strokeWidth=1.5)
         yield rules.encode(y, colour)
     # A staircase: between two points of the front, only the cheaper one is attainable.
-    stairs = layer_of("front", shown.front).mark_line(
+    stairs = layer_of("front", data.front).mark_line(
         strokeWidth=4, color=INK, opacity=0.35, interpolate="step-after"
     )
     yield stairs.encode(x, y, order="time:Q")
-    rings = _place_ring_names(shown)
-    yield from _timestep_labels(shown, named, rings, x, y)
-    named_lines = [point for point in named if point["drawn"] and point["least"]]
+    rings = _place_ring_names(data)
+    yield from _timestep_labels(data, named_points, rings, x, y)
+    named_lines = [point for point in named_points if point["drawn"] and point["least"]]
     bars = layer_of("spreads", named_lines)
     yield bars.mark_rule(opacity=0.5).encode(x, y, alt.Y2("least:Q"), colour)
-    count = len(shown.methods)
-    shape = _method_channel(shown, alt.Shape, [*SHAPES[:count], "stroke"])
-    fill = alt.Fill("method:N").scale(domain=shown.methods, range=COLOURS[:count]).legend(None)
+    count = len(data.methods)
+    shape = _method_channel(data, alt.Shape, [*SHAPES[:count], "stroke"])
+    fill = alt.Fill("method:N").scale(domain=data.methods, range=COLOURS[:count]).legend(None)
     opacity = alt.FillOpacity("state:O").scale(domain=_POINT_STATES[:2], range=[1, 0]).legend(None)
     for name, size, strength in (("beside", 24, 0.5), ("points", 70, 1.0)):
-        points = layer_of(name, [point for point in named if point["drawn"] == (name == "points")])
+        points = layer_of(
+            name, [point for point in named_points if point["drawn"] == (name == "points")]
+        )
         marked = points.mark_point(size=size, strokeWidth=1.5, opacity=strength)
         yield marked.encode(x, y, colour, shape, fill, opacity)
     crosses = layer_of("failures", failed).mark_text(text="\u2715", size=13, dy=8)
     yield crosses.encode(x, y, colour)
     # Upper bounds: errors below the uncertainty of their reference.
-    arrows = layer_of("bounds", [point for point in measured if point["bound"]]).mark_point(
+    arrows = layer_of("bounds", [point for point in measured_points if point["bound"]]).mark_point(
         shape="arrow", angle=180, size=260, yOffset=14, color=INK
     )
     yield arrows.encode(x, y)
@@ -302,11 +327,11 @@ def _chart_layers(report: TradeoffReport, shown: ChartData) -> Iterator[alt.Char
         yield mark.encode(x, y, text="chosen:N")
 
 
-def _method_channel(shown: ChartData, channel: type[_Channel], values: list[str]) -> _Channel:
-    names = [*shown.methods, OTHERS]
-    used = [name for name in names if any(point["method"] == name for point in shown.points)]
+def _method_channel(data: ChartData, channel: type[_Channel], values: list[str]) -> _Channel:
+    names = [*data.methods, OTHERS]
+    used_methods = [name for name in names if any(point["method"] == name for point in data.points)]
     scaled = channel("method:N").scale(domain=names, range=values)
-    return scaled.legend(title="method", values=used)
+    return scaled.legend(title="method", values=used_methods)
 
 
 class _Box(NamedTuple):
@@ -338,51 +363,51 @@ def _box_of(
         return _Box(x - 6, x + 6, y - 6, y + 6)
     # A letter is about .6 of its font's size wide.
     begin, length = x + place["dx"], 0.6 * size * len(text)
-    left = begin - length if place["align"] == "right" else begin
+    left_edge = begin - length if place["align"] == "right" else begin
     middle = y + place["dy"]
-    return _Box(left, left + length, middle - size / 2, middle + size / 2)
+    return _Box(left_edge, left_edge + length, middle - size / 2, middle + size / 2)
 
 
-def _place_ring_names(shown: ChartData) -> list[Row]:
+def _place_ring_names(data: ChartData) -> list[Row]:
     # The first of the places that cover fewest points and other names.
     rows: list[Row] = []
-    points = [_box_of(point, shown.frame) for point in shown.points]
+    points = [_box_of(point, data.frame) for point in data.points]
     names: list[_Box] = []
     places = [
         {"align": align, "dx": dx, "dy": dy}
         for dy in (-16, 18)
         for align, dx in (("left", 12), ("right", -12))
     ]
-    for point in shown.points:
+    for point in data.points:
         if not point["chosen"]:
             continue
 
         def count_covered(place: Row, point: Row = point) -> float:
-            box = _box_of(point, shown.frame, point["chosen"], place, size=12)
+            box = _box_of(point, data.frame, point["chosen"], place, size=12)
             outside = box.left < 0 or box.right > _SIZE[0]
             return 100 * outside + sum(box.overlaps_box(other) for other in (*points, *names))
 
         place = min(places, key=count_covered)
-        names.append(_box_of(point, shown.frame, point["chosen"], place, size=12))
+        names.append(_box_of(point, data.frame, point["chosen"], place, size=12))
         rows.append(point | place)
     return rows
 
 
 def _timestep_labels(
-    shown: ChartData, named: list[Row], rings: list[Row], x: alt.X, y: alt.Y
+    data: ChartData, named_points: list[Row], rings: list[Row], x: alt.X, y: alt.Y
 ) -> Iterator[alt.Chart]:
     # Labels cover neither each other nor names of rings.
     place = {"align": "left", "dx": 8, "dy": -8}
-    taken = [
-        _box_of(ring, shown.frame, ring["chosen"], {key: ring[key] for key in place}, size=12)
+    occupied = [
+        _box_of(ring, data.frame, ring["chosen"], {key: ring[key] for key in place}, size=12)
         for ring in rings
     ]
     rows: list[Row] = []
-    for point in named:
-        box = _box_of(point, shown.frame, point["label"], place)
-        if not point["labelled"] or point["chosen"] or any(map(box.overlaps_box, taken)):
+    for point in named_points:
+        box = _box_of(point, data.frame, point["label"], place)
+        if not point["labelled"] or point["chosen"] or any(map(box.overlaps_box, occupied)):
             continue
-        taken.append(box)
+        occupied.append(box)
         rows.append(point)
     layer = layer_of("labels right", rows)
     for mark in halo_layers(layer, **place, fontSize=10):

@@ -53,9 +53,9 @@ def _list_facts(report: TradeoffReport) -> Iterator[tuple[str, str]]:
     source = "a timing pass" if report.time.source == "timing" else "the recorded runs"
     scenarios = ", ".join(report.scenarios) or "one"
     yield "runs of each", f"{report.runs_per_configuration} (scenarios: {scenarios})"
-    written = "against the model as written" if report.error.reference == "written" else None
+    reference_text = "against the model as written" if report.error.reference == "written" else None
     over = "mean" if report.error.name == REALITY else "largest"
-    kind = ", ".join(filter(None, (report.error.kind, report.error.against, written)))
+    kind = ", ".join(filter(None, (report.error.kind, report.error.against, reference_text)))
     yield "error", f"{report.error.name}{unit}, {over} over the runs ({kind})"
     yield "time", f"CPU seconds per simulated second, mean over the runs, from {source}"
     limits = ", ".join(f"{name} <= {value:g}" for name, value in report.tolerances.items())
@@ -63,8 +63,8 @@ def _list_facts(report: TradeoffReport) -> Iterator[tuple[str, str]]:
     yield "feasible", str(sum(each.feasible for each in report.configurations))
     if (current := report.baseline) is not None:
         # Settings, error and time of the model as written, and why it is not feasible.
-        known = [name for name in report.varying if current.configuration[name] is not None]
-        parts = [settings_text(current.configuration, known)] if known else []
+        setting_names = [name for name in report.varying if current.configuration[name] is not None]
+        parts = [settings_text(current.configuration, setting_names)] if setting_names else []
         parts += [] if current.error is None else [f"error {format_amount(current.error)}"]
         parts += [] if current.time is None else [f"{format_amount(current.time)} CPU s per s"]
         yield "current", "; ".join([*parts, *current.reasons[:1]])

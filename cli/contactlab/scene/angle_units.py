@@ -25,10 +25,10 @@ def find_radian_angles(model: mujoco.MjModel) -> Iterator[tuple[int, str]]:
         return
     narrow_range_rad = math.radians(15)  # joints of robots rarely have a smaller range
     narrow = [joint for joint in hinges if np.ptp(model.jnt_range[joint]) < narrow_range_rad]
-    written = np.rad2deg(model.jnt_range[narrow])
+    ranges_deg = np.rad2deg(model.jnt_range[narrow])
     full_turn_rad = 2 * math.pi * (1 + 1e-3)  # a full turn, with room for rounding by hand
-    if 2 * len(narrow) > len(hinges) and np.abs(written).max() <= full_turn_rad:
-        low, high = written[0].tolist()
+    if 2 * len(narrow) > len(hinges) and np.abs(ranges_deg).max() <= full_turn_rad:
+        low, high = ranges_deg[0].tolist()
         first = name_of(model, "joint", narrow[0])
         message = (
             f"{len(narrow)} of {len(hinges)} hinges turn by less than 15 degrees, as joint "

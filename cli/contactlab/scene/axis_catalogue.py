@@ -60,9 +60,9 @@ class SceneCatalogue:
         self._list_axes = {axis.name: axis for axis in _list_axes(base, manifest, engines)}
         if recorded:
             text = f"recorded run, out of {len(recorded)}, to start from and to compare with"
-            parse, known = number_parser(known=recorded), tuple(recorded)
+            parse, accepted = number_parser(allowed=recorded), tuple(recorded)
             self._list_axes[RECORDED_RUN] = AxisSpec(
-                RECORDED_RUN, "", text, parse, accepted_values=known
+                RECORDED_RUN, "", text, parse, accepted_values=accepted
             )
         self._start_axes = {
             axis.name: axis for axis in _list_start_axes(base) if axis.name not in self._list_axes
@@ -87,8 +87,10 @@ class SceneCatalogue:
     def find(self, name: str, *, lenient: bool = False) -> AxisSpec | None:
         """Return the axis with a name, or None. If lenient, it accepts values of newer versions."""
         try:
-            listed = self._list_axes.get(name) or DRIVE_AXES.get(name) or self._start_axes.get(name)
-            axis = listed or _axis_of_missing_flag(name) or field_axis(self._model, name)
+            named_axis = (
+                self._list_axes.get(name) or DRIVE_AXES.get(name) or self._start_axes.get(name)
+            )
+            axis = named_axis or _axis_of_missing_flag(name) or field_axis(self._model, name)
         except ValueError:
             return None
         return axis and in_this_version(axis, lenient=lenient)
@@ -162,11 +164,11 @@ def _list_axes(
     if "perturbation" not in dict(own):
         text = "factor of the perturbation by a seed; 0 starts exactly as the scene defines"
         axes.append(AxisSpec("perturbation", "1", text, number_parser()))
-    taken = {"mass", "seed", VARIANT, "keyframe", RECORDED_RUN, *PARAMETERS, *EFFECTS}
+    taken_names = {"mass", "seed", VARIANT, "keyframe", RECORDED_RUN, *PARAMETERS, *EFFECTS}
     for name, _ in own:
-        if name in taken:
+        if name in taken_names:
             raise SceneError(f"'{name}' is the name of another axis; rename it")
-        taken.add(name)
+        taken_names.add(name)
     return [
         AxisSpec(name, option.unit, option.description, _value_parser(option))
         for name, option in own

@@ -44,9 +44,9 @@ def in_words(faults: Iterable[InertiaFault]) -> Iterator[str]:
         alike.setdefault((fault.kind, fault.limit), []).append(fault)
     most_named = 6
     for first, *others in alike.values():
-        named = [f"'{other.body}'" for other in others]
-        more = [f"{len(named) - most_named} more"] if len(named) > most_named else []
-        likewise = f"; likewise {', '.join([*named[:most_named], *more])}" if named else ""
+        bodies = [f"'{other.body}'" for other in others]
+        more = [f"{len(bodies) - most_named} more"] if len(bodies) > most_named else []
+        likewise = f"; likewise {', '.join([*bodies[:most_named], *more])}" if bodies else ""
         yield f"body '{first.body}': {first.reason}{likewise}"
 
 
@@ -128,8 +128,8 @@ def scene_inertia_faults(
 ) -> tuple[InertiaFault, ...]:
     """Return the inertia faults of a scene's structure, in its file and compiled."""
     with read_spec(source, structure) as spec:
-        written = tuple(written_inertia_faults(spec))
-    return (*written, *inertia_faults(compiled))
+        written_faults = tuple(written_inertia_faults(spec))
+    return (*written_faults, *inertia_faults(compiled))
 
 
 def inertia_faults(model: mujoco.MjModel) -> tuple[InertiaFault, ...]:

@@ -28,28 +28,34 @@ def explain_compile_error(lines: Sequence[str], model: Path) -> Iterator[str]:
     rest = " ".join(lines[1:])
     element = next(iter(_ELEMENT_TAG.findall(rest)), "")
     for pattern, words in _ERROR_EXPLANATIONS.items():
-        if found := re.search(pattern, message):
-            yield words(found, element, model)
+        if match := re.search(pattern, message):
+            yield words(match, element, model)
             break
     else:
         for symbol, value in _SYMBOL_VALUES.items():
             message = message.replace(symbol, value)
-        named = next(iter(_ELEMENT_NAME.findall(rest)), "")
-        yield f"{named}: {message}" if named and named not in message else message
-        yield from (line for line in lines[1:] if not _ELEMENT_TAG.search(line) and not named)
+        element_name = next(iter(_ELEMENT_NAME.findall(rest)), "")
+        yield (
+            f"{element_name}: {message}"
+            if element_name and element_name not in message
+            else message
+        )
+        yield from (
+            line for line in lines[1:] if not _ELEMENT_TAG.search(line) and not element_name
+        )
 
 
 @cache
 def _mjcf_schema() -> Mapping[str, set[str]]:
-    found: dict[str, set[str]] = {}
+    attributes: dict[str, set[str]] = {}
     name = ""
     for line in mujoco.mj_printSchema(False, False).splitlines():
         if part := _SCHEMA_ELEMENT.match(line):
             name, words = part[2], part[3]
         else:
             words = line
-        found.setdefault(name, set()).update(words.split())
-    return found
+        attributes.setdefault(name, set()).update(words.split())
+    return attributes
 
 
 @cache
@@ -61,72 +67,72 @@ def _enum_keywords() -> frozenset[str]:
 
 def _unknown_element_text(_: re.Match[str], element: str, model: Path) -> str:
     del model
-    known = did_you_mean(element, _mjcf_schema()) or "; see MuJoCo's XML reference for all elements"
-    return f"there is no element <{element}> here{known}"
+    hint = did_you_mean(element, _mjcf_schema()) or "; see MuJoCo's XML reference for all elements"
+    return f"there is no element <{element}> here{hint}"
 
 
-def _unknown_attribute_text(found: re.Match[str], element: str, model: Path) -> str:
+def _unknown_attribute_text(match: re.Match[str], element: str, model: Path) -> str:
     del model
-    known = _mjcf_schema().get(element, set())
-    hint = suggestion(found[1], known) or f"it takes {', '.join(sorted(known)) or 'none'}"
-    return f"<{element}> has no attribute '{found[1]}'; {hint}"
+    attributes = _mjcf_schema().get(element, set())
+    hint = suggestion(match[1], attributes) or f"it takes {', '.join(sorted(attributes)) or 'none'}"
+    return f"<{element}> has no attribute '{match[1]}'; {hint}"
 
 
-def _unknown_keyword_text(found: re.Match[str], element: str, model: Path) -> str:
-    written = re.search(
-        _ATTRIBUTE_WITH_VALUE.format(re.escape(found[1])), model.read_text(errors="replace")
+def _unknown_keyword_text(match: re.Match[str], element: str, model: Path) -> str:
+    attribute_match = re.search(
+        _ATTRIBUTE_WITH_VALUE.format(re.escape(match[1])), model.read_text(errors="replace")
     )
-    attribute = written[1] if written else "an attribute"
-    known = _enum_keywords() - {found[1].lower()}
-    hint = did_you_mean(found[1], known) or "; see MuJoCo's XML reference for its keywords"
-    return f"{attribute} of <{element}> cannot be '{found[1]}'{hint}"
+    attribute = attribute_match[1] if attribute_match else "an attribute"
+    keywords = _enum_keywords() - {match[1].lower()}
+    hint = did_you_mean(match[1], keywords) or "; see MuJoCo's XML reference for its keywords"
+    return f"{attribute} of <{element}> cannot be '{match[1]}'{hint}"
 
 
-def _bad_number_text(found: re.Match[str], element: str, model: Path) -> str:
+def _bad_number_text(match: re.Match[str], element: str, model: Path) -> str:
     del model
-    return f"{found[1]} of <{element}> is not a list of numbers; separate numbers by spaces"
+    return f"{match[1]} of <{element}> is not a list of numbers; separate numbers by spaces"
 
 
-def _bad_size_text(found: re.Match[str], element: str, model: Path) -> str:
+def _bad_size_text(match: re.Match[str], element: str, model: Path) -> str:
     del element, model
-    count = int(found[1]) + 1
-    return f"size of the {found[2]} needs a number above 0 in place {count}"
+    count = int(match[1]) + 1
+    return f"size of the {match[2]} needs a number above 0 in place {count}"
 
 
-def _wrong_root_text(found: re.Match[str], element: str, model: Path) -> str:
+def _wrong_root_text(match: re.Match[str], element: str, model: Path) -> str:
     del element, model
-    return f"<{found[1]}> is not a model; MJCF begins with <mujoco>, URDF with <robot>"
+    return f"<{match[1]}> is not a model; MJCF begins with <mujoco>, URDF with <robot>"
 
 
-def _duplicate_name_text(found: re.Match[str], element: str, model: Path) -> str:
+def _duplicate_name_text(match: re.Match[str], element: str, model: Path) -> str:
     del element, model
-    return f"a second {found[2]} is called '{found[1]}'; give it another name"
+    return f"a second {match[2]} is called '{match[1]}'; give it another name"
 
 
-def _unknown_target_text(found: re.Match[str], element: str, model: Path) -> str:
+def _unknown_target_text(match: re.Match[str], element: str, model: Path) -> str:
     del element
     names = re.findall(r"""\sname\s*=\s*["']([^"']*)""", model.read_text(errors="replace"))
-    near = did_you_mean(found[1], [name for name in names if name != found[1]])
-    return f"an actuator moves '{found[1]}', which is not in the model{near or '; add it'}"
+    near = did_you_mean(match[1], [name for name in names if name != match[1]])
+    return f"an actuator moves '{match[1]}', which is not in the model{near or '; add it'}"
 
 
-def _missing_object_text(found: re.Match[str], element: str, model: Path) -> str:
+def _missing_object_text(match: re.Match[str], element: str, model: Path) -> str:
     del element, model
-    add = f"<asset><{found[1]} name='{found[2]}' .../></asset>"
-    remedy = f"add {add}" if found[1] in ("mesh", "hfield", "material", "texture") else "add it"
-    return f"a {found[3]} names the {found[1]} '{found[2]}', which is not in the model; {remedy}"
+    add = f"<asset><{match[1]} name='{match[2]}' .../></asset>"
+    remedy = f"add {add}" if match[1] in ("mesh", "hfield", "material", "texture") else "add it"
+    return f"a {match[3]} names the {match[1]} '{match[2]}', which is not in the model; {remedy}"
 
 
-def _unreadable_file_text(found: re.Match[str], element: str, model: Path) -> str:
+def _unreadable_file_text(match: re.Match[str], element: str, model: Path) -> str:
     del element, model
-    return f"cannot open '{found[1]}'"
+    return f"cannot open '{match[1]}'"
 
 
 def _impossible_inertia_text(_: re.Match[str], element: str, model: Path) -> str:
     del element
     compiler = '<compiler balanceinertia="true"/>'
-    written = f"<mujoco>{compiler}</mujoco> in <robot>" if model.suffix == ".urdf" else compiler
-    return f"an inertia must satisfy A + B >= C: correct it; {written} writes the mean instead"
+    correction = f"<mujoco>{compiler}</mujoco> in <robot>" if model.suffix == ".urdf" else compiler
+    return f"an inertia must satisfy A + B >= C: correct it; {correction} writes the mean instead"
 
 
 def _massless_body_text(_: re.Match[str], element: str, model: Path) -> str:

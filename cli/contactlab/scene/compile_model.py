@@ -96,8 +96,8 @@ def add_sensors(
         _add_sensor(spec, "momentum", _KIND.mjSENS_SUBTREELINVEL, world)
         _add_sensor(spec, "angular_momentum", _KIND.mjSENS_SUBTREEANGMOM, world)
     if holding:
-        held, holder = (_OBJ.mjOBJ_XBODY, holding.subject), (_OBJ.mjOBJ_XBODY, holding.holder)
-        position = _add_sensor(spec, "held", _KIND.mjSENS_FRAMEPOS, held)
+        subject, holder = (_OBJ.mjOBJ_XBODY, holding.subject), (_OBJ.mjOBJ_XBODY, holding.holder)
+        position = _add_sensor(spec, "held", _KIND.mjSENS_FRAMEPOS, subject)
         position.reftype, position.refname = holder
         _add_sensor(spec, "holder", _KIND.mjSENS_FRAMEQUAT, holder)
     for name in [actuator.name for actuator in spec.actuators]:
@@ -139,21 +139,21 @@ def find_layout(
     of `add_sensors`.
     """
     sensors = (model.sensor(index) for index in range(model.nsensor))
-    found = {
+    addresses = {
         sensor.name.removeprefix(SENSOR_PREFIX): int(sensor.adr[0])
         for sensor in sensors
         if sensor.name.startswith(SENSOR_PREFIX)
     }
-    if not found:
+    if not addresses:
         forces, nowhere = 4 + 6 * free + 7 * bool(holding), (0,) * len(pairs)
-        momenta, held = (4, 7) if free else (None, None), forces - 7 if holding else None
-        return SensorLayout(nowhere, 0, 2, 3, *momenta, held, forces, forces + model.nu)
+        momenta, held_address = (4, 7) if free else (None, None), forces - 7 if holding else None
+        return SensorLayout(nowhere, 0, 2, 3, *momenta, held_address, forces, forces + model.nu)
     return SensorLayout(
-        pairs=tuple(found[pair.name] for pair in pairs),
-        contacts=found["contacts"],
-        **{name: found.get(name) for name in _OPTIONAL_SENSORS},
-        forces=found[_FORCE + model.actuator(0).name] if model.nu else 0,
-        lengths=found[_LENGTH + model.tendon(0).name] if model.ntendon else 0,
+        pairs=tuple(addresses[pair.name] for pair in pairs),
+        contacts=addresses["contacts"],
+        **{name: addresses.get(name) for name in _OPTIONAL_SENSORS},
+        forces=addresses[_FORCE + model.actuator(0).name] if model.nu else 0,
+        lengths=addresses[_LENGTH + model.tendon(0).name] if model.ntendon else 0,
     )
 
 
@@ -194,8 +194,8 @@ def read_spec(source: SceneSource, structure: Mapping[str, object]) -> Generator
         try:
             spec = mujoco.MjSpec.from_file(str(path))
             for element in (*spec.meshes, *spec.hfields, *spec.skins, *spec.textures):
-                if found := source.content.resources.get(plain_name(element.file)):
-                    element.file = str(found)
+                if resource := source.content.resources.get(plain_name(element.file)):
+                    element.file = str(resource)
             name_by_address(spec)
             yield spec
         except COMPILE_ERRORS as error:
@@ -253,14 +253,14 @@ def _number_fields(kind: type[mujoco.MjModel]) -> list[str]:
     # Data of the user may be anything.
     model = kind.from_xml_string("<mujoco/>")
     fields = {name: getattr(model, name) for name in dir(model) if not name.startswith("_")}
-    found = [
+    names = [
         name
         for name, field in fields.items()
         if isinstance(field, np.ndarray) and field.dtype.kind == "f"
     ]
     # MuJoCo computes this one, and a polygon of a mesh without an area has no normal.
     others = "numeric_data", "mesh_polynormal"
-    return [name for name in found if not name.endswith("_user") and name not in others]
+    return [name for name in names if not name.endswith("_user") and name not in others]
 
 
 def check_numbers(model: mujoco.MjModel, path: Path) -> None:
@@ -275,10 +275,14 @@ def check_numbers(model: mujoco.MjModel, path: Path) -> None:
         if not wrong.any():
             continue
         place, (kind, _, part) = int(np.argwhere(wrong)[0][0]), name.partition("_")
-        named: Any = getattr(model, kind, None)
+        named_elements: Any = getattr(model, kind, None)
         element: Any = None
         with suppress(IndexError):  # Fields such as vertices have more rows than elements.
-            element = named(len(field) - 1) and named(place) if callable(named) else None
+            element = (
+                named_elements(len(field) - 1) and named_elements(place)
+                if callable(named_elements)
+                else None
+            )
         owner = f" of {kind} '{element.name}'" if element else ""
         text = " ".join(f"{number:g}" for number in np.ravel(field[place]))
         raise SceneError(
@@ -358,11 +362,11 @@ def _computed_text(name: str, value: object, braces: re.Match[str]) -> str:
         raise SceneError(f"structure '{name}': cannot compute {braces[0]}: {error}") from error
 
 
-def compile_error(model: Path, tried: Path, error: Exception) -> SceneError:
-    """Return why a model does not compile, with corrections. `tried` may be a copy of `model`."""
-    lines = str(error).strip().replace(str(tried), str(model)).splitlines()
+def compile_error(model: Path, compiled_file: Path, error: Exception) -> SceneError:
+    """Return why a model does not compile, with corrections. `compiled_file` may be its copy."""
+    lines = str(error).strip().replace(str(compiled_file), str(model)).splitlines()
     lines = lines or ["MuJoCo gives no reason"]
-    place = "".join(f":{found[1]}" for found in [_LINE.search(str(error))] if found)
+    place = "".join(f":{line_match[1]}" for line_match in [_LINE.search(str(error))] if line_match)
     hints = list[str]()
     if "opening file" in lines[0]:
         # The first missing file, and where MuJoCo expects it.
@@ -374,7 +378,7 @@ def compile_error(model: Path, tried: Path, error: Exception) -> SceneError:
     if "inertia" in lines[0] and "XML Error" not in lines[0]:
         # MuJoCo gives no access to a specification that it failed to compile.
         with suppress(*COMPILE_ERRORS):
-            faults = written_inertia_faults(mujoco.MjSpec.from_file(str(tried)))
+            faults = written_inertia_faults(mujoco.MjSpec.from_file(str(compiled_file)))
             hints += [f"body '{f.body}': {f.reason}" for f in islice(faults, 3)]
     if "no decoder found" in lines[0]:
         hints.append(

@@ -145,11 +145,11 @@ class CompiledScene:
             turn_off_unused(run, effects)
         if load is not None:
             load.write_load(model)
-        written = self.targets.geoms if edits.keys() & {*CONTACT, *AT_REST} else ()
+        edited_geoms = self.targets.geoms if edits.keys() & {*CONTACT, *AT_REST} else ()
         return PreparedModel(
             model=model,
             pairs={pair.name: effective_parameters(model, pair) for pair in self.pairs},
-            edited_geoms=tuple(name_of(model, "geom", index) for index in written),
+            edited_geoms=tuple(name_of(model, "geom", index) for index in edited_geoms),
             effects=effects,
         )
 
@@ -231,8 +231,8 @@ def compile_scene(
     source: SceneSource, structure: Mapping[str, object], without: Collection[str] = ()
 ) -> CompiledScene:
     """Compile one structure of a scene without some effects. A SceneError explains a failure."""
-    written = None if structure else _WRITTEN.get(_content_key(source))
-    plain = written or compile_model(source, structure, name_sensors)
+    written_model = None if structure else _WRITTEN.get(_content_key(source))
+    plain = written_model or compile_model(source, structure, name_sensors)
     free = _conserves_momentum(plain)
     with source.named_in_errors():
         subject = _find_subject(plain, source.manifest)
@@ -284,8 +284,8 @@ def _find_subject(model: mujoco.MjModel, manifest: SceneManifest | None) -> int 
     if manifest and manifest.subject:
         index = find_id(model, "body", manifest.subject)
         if index < 0:
-            known = [model.body(body).name for body in range(1, model.nbody)]
-            hint = did_you_mean(manifest.subject, known)
+            body_names = [model.body(body).name for body in range(1, model.nbody)]
+            hint = did_you_mean(manifest.subject, body_names)
             raise SceneError(f"subject '{manifest.subject}' is not a body of the model{hint}")
         if not model.body_mass[index]:
             raise SceneError(f"subject '{manifest.subject}' has no mass of its own")
@@ -299,5 +299,5 @@ def _conserves_momentum(model: mujoco.MjModel) -> bool:
     roots = set(np.flatnonzero(model.body_parentid == 0)[1:].tolist())
     free = set(model.jnt_bodyid[model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)].tolist())
     acted_on = model.opt.gravity.any() or model.opt.density or model.opt.viscosity or model.nu
-    held = model.neq or (model.geom_bodyid == 0).any()
-    return bool(roots) and roots <= free and not acted_on and not held
+    is_held = model.neq or (model.geom_bodyid == 0).any()
+    return bool(roots) and roots <= free and not acted_on and not is_held

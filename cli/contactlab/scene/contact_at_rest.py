@@ -68,16 +68,18 @@ class ContactAtRest:
         return 1 / (zeta * rate), zeta
 
 
-def rest_law_inputs(model: mujoco.MjModel, pair: MonitoredPair, used: PairRecord) -> ContactAtRest:
+def rest_law_inputs(
+    model: mujoco.MjModel, pair: MonitoredPair, parameters: PairRecord
+) -> ContactAtRest:
     """Return the inputs of the law of rest for a pair of a run's model."""
     geoms = [side[0] for side in pair.geoms]
     inverse = float(model.body_invweight0[model.geom_bodyid[geoms], 0].sum())
     softness, cone = 1.0, model.opt.cone
     if cone == mujoco.mjtCone.mjCONE_PYRAMIDAL:
-        softness = pyramid_softness(used.friction[0], used.condim, model.opt.impratio)
+        softness = pyramid_softness(parameters.friction[0], parameters.condim, model.opt.impratio)
     reach = model.geom_rbound[geoms]
     radius = float(np.where(reach > 0, reach, np.inf).min())
-    return ContactAtRest(pair.name, used.solref, used.solimp, inverse, softness, radius)
+    return ContactAtRest(pair.name, parameters.solref, parameters.solimp, inverse, softness, radius)
 
 
 def write_at_rest(
@@ -143,7 +145,9 @@ def _loads_at_rest(model: mujoco.MjModel, keyframe: str) -> dict[frozenset[int],
         (load for shares in loads.values() for load in shares), default=0.0
     )
     return {
-        geoms: kept for geoms, load in loads.items() if (kept := [x for x in load if x > least])
+        geoms: large_loads
+        for geoms, load in loads.items()
+        if (large_loads := [x for x in load if x > least])
     }
 
 
@@ -159,16 +163,16 @@ def _write_pair_parameters(model: mujoco.MjModel, rows: Mapping[tuple[int, int],
     if not mixed:
         return
     ids = np.unique(list(mixed))
-    weights, wanted = np.zeros((len(mixed), len(ids))), np.array(list(mixed.values()))
+    weights, mixed_values = np.zeros((len(mixed), len(ids))), np.array(list(mixed.values()))
     for row, (first, second) in enumerate(mixed):
         share = mixing_weight(model, first, second)
         weights[row] = share * (ids == first) + (1 - share) * (ids == second)
     # The values nearest to the mean over the intended values of each geom's pairs.
-    used = weights > 0
-    mean = used.T @ wanted / np.maximum(used.sum(axis=0), 1)[:, None]
-    values = mean + np.linalg.pinv(weights) @ (wanted - weights @ mean)
-    apart = ~np.isclose(weights @ values, wanted, rtol=SUM_ROUNDING, atol=0).all(axis=1)
-    if apart.any() or (values[used.any(axis=0)] <= 0)[:, :2].any():
+    is_used = weights > 0
+    mean = is_used.T @ mixed_values / np.maximum(is_used.sum(axis=0), 1)[:, None]
+    values = mean + np.linalg.pinv(weights) @ (mixed_values - weights @ mean)
+    apart = ~np.isclose(weights @ values, mixed_values, rtol=SUM_ROUNDING, atol=0).all(axis=1)
+    if apart.any() or (values[is_used.any(axis=0)] <= 0)[:, :2].any():
         first, second = (name_of(model, "geom", geom) for geom in [*mixed][int(apart.argmax())])
         raise SceneError(
             f"{first}-{second}: its geoms are in other pairs too, and no solref of the geoms gives "
@@ -176,5 +180,5 @@ def _write_pair_parameters(model: mujoco.MjModel, rows: Mapping[tuple[int, int],
             f'<contact><pair geom1="{first}" geom2="{second}"/></contact> into the model'
         )
     for place, geom in enumerate(ids.tolist()):
-        if used[:, place].any():
+        if is_used[:, place].any():
             model.geom_solref[geom], model.geom_solimp[geom] = np.split(values[place], [2])

@@ -89,8 +89,8 @@ class InitialStates(NamedTuple):
         places = np.union1d(np.arange(self.ctrl.shape[1]), signals.places)
         within = np.unique(signals.times[(signals.times > 0) & (signals.times < end)])
         times = np.array([0.0, *within, end])
-        known = np.concatenate([self.ctrl[0], self.applied[0], self.mocap[0]])[places]
-        levels = np.tile(known, (len(times), 1))
+        held_levels = np.concatenate([self.ctrl[0], self.applied[0], self.mocap[0]])[places]
+        levels = np.tile(held_levels, (len(times), 1))
         levels[:-1, np.searchsorted(places, signals.places)] = signals.values_at(times[:-1])
         levels[-1] = levels[-2]
         alone = len(places) == self.ctrl.shape[1]
@@ -327,8 +327,8 @@ def _perturbed_coordinates(
     if manifest:
         if (perturb := manifest.perturb) is None:
             return {}
-        named = perturb.coordinates
-        sizes = named if isinstance(named, dict) else dict.fromkeys(named, 1.0)
+        coordinates = perturb.coordinates
+        sizes = coordinates if isinstance(coordinates, dict) else dict.fromkeys(coordinates, 1.0)
         every = [(element, size * perturb.scale) for element, size in sizes.items()]
         return {
             coordinate: size

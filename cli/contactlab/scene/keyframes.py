@@ -18,8 +18,10 @@ def default_keyframe(model: mujoco.MjModel, manifest: SceneManifest | None) -> s
     """
     if manifest is None or manifest.keyframe is None:
         return default_start_keyframe(model)
-    known, keyframe = keyframe_names(model), manifest.keyframe
-    SceneError.unless_known(keyframe, (*known, QPOS0), f"the model has no keyframe '{keyframe}'")
+    model_keyframes, keyframe = keyframe_names(model), manifest.keyframe
+    SceneError.unless_known(
+        keyframe, (*model_keyframes, QPOS0), f"the model has no keyframe '{keyframe}'"
+    )
     return keyframe
 
 

@@ -369,8 +369,8 @@ class Draft:
     def _element_tag(self, kind: str, name: str) -> str:
         path, place = self._find_origin(kind, name)
         data = self.before[path]
-        found = _TAG_NAME.match(data, elements_of(data)[place].start)
-        return found[1].decode() if found else ""
+        tag_match = _TAG_NAME.match(data, elements_of(data)[place].start)
+        return tag_match[1].decode() if tag_match else ""
 
     def _write_servo(self, servo: PositionServo) -> None:
         origin = self._find_origin("actuator", servo.actuator)
@@ -397,14 +397,14 @@ class Draft:
         self._set_last_element("option", options)
         self._set_last_element("flag", flags)
 
-    def _set_last_element(self, tag: str, found: Mapping[str, str]) -> None:
+    def _set_last_element(self, tag: str, attributes: Mapping[str, str]) -> None:
         """Set attributes of the main file's <option> or <flag>, which override all others."""
         added = {"option": "<option{}/>", "flag": "<option><flag{}/></option>"}[tag]
         origin = self.origins.last.get(tag)
-        if found and origin and origin[0] == self.main:
-            self.values[origin] |= found
-        elif found:
-            self.added_lines.append(added.format(attribute_text(found)))
+        if attributes and origin and origin[0] == self.main:
+            self.values[origin] |= attributes
+        elif attributes:
+            self.added_lines.append(added.format(attribute_text(attributes)))
 
     def set_parts(self, edits: ModelEdits, meant: CompiledFiles) -> None:
         """Apply the changes that no field of a compiled model shows; remove deleted elements."""
@@ -433,22 +433,22 @@ class Draft:
     def _text_replacements(self) -> Iterator[tuple[Path, list[Replacement]]]:
         for path, data in self.before.items():
             elements = elements_of(data)
-            found = [
+            replacements = [
                 with_attributes(data, elements[place], values, self.renamed.get((file, place)))
                 for (file, place), values in self.values.items()
                 if file == path
             ]
-            found += [
+            replacements += [
                 remove_element(data, elements[at]) for file, at in self.removed if file == path
             ]
-            found += [
+            replacements += [
                 append_lines(data, elements[at], [line])
                 for (file, at), line in self.inserted.items()
                 if file == path
             ]
             if path == self.main and self.added_lines:
-                found.append(append_lines(data, elements[0], self.added_lines))
-            yield path, sorted(found)
+                replacements.append(append_lines(data, elements[0], self.added_lines))
+            yield path, sorted(replacements)
 
     def changed_texts(self) -> dict[Path, bytes]:
         """Return the text of each file with the changes applied."""
@@ -508,8 +508,10 @@ _UNCOMPARED_FIELDS = re.compile("^_|buffer|name|path|signature")
 
 def fields_of(owner: object) -> dict[str, np.ndarray]:
     """Return the fields of a model, or of its options, by name."""
-    found = {
+    members = {
         name: getattr(owner, name) for name in dir(owner) if not _UNCOMPARED_FIELDS.search(name)
     }
     kinds = (int, float, np.ndarray)
-    return {name: np.atleast_1d(value) for name, value in found.items() if isinstance(value, kinds)}
+    return {
+        name: np.atleast_1d(value) for name, value in members.items() if isinstance(value, kinds)
+    }

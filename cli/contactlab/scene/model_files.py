@@ -125,9 +125,9 @@ class FileSearch:
     def find_included(self, element: ET.Element, file: Path, base: Path) -> Reference:
         """Return what an <include> of a file includes, in a model that lies in a base folder."""
         name = element.get("file", "")
-        found, beside = (self.find_file(folder, name) for folder in (base, file.parent))
-        known = found.path.is_file() or not beside.path.is_file()
-        return found if known else beside
+        reference, beside = (self.find_file(folder, name) for folder in (base, file.parent))
+        is_right = reference.path.is_file() or not beside.path.is_file()
+        return reference if is_right else beside
 
     def find_assets(
         self, element: ET.Element, file: Path, base: Path, compiler: Mapping[str, str]
@@ -141,19 +141,19 @@ class FileSearch:
             return {}
         folder = compiler.get(ASSET_FOLDERS[element.tag], compiler.get("assetdir", ""))
         strip = compiler.get("strippath", "").lower() == "true"
-        found = dict[str, Reference]()
+        assets = dict[str, Reference]()
         for key in FILE_KEYS:
             if not (name := element.get(key)):
                 continue
             if _RESOURCE.fullmatch(name) and not strip:
-                found[key] = Reference(_find_resource(name, base, self.copy), resource=name)
+                assets[key] = Reference(_find_resource(name, base, self.copy), resource=name)
                 continue
             name = Path(name).name if strip else name
-            found[key] = self.find_file(base, Path(folder) / name)
+            assets[key] = self.find_file(base, Path(folder) / name)
             beside = self.find_file(file.parent, name)
-            if not found[key].path.is_file() and beside.path.is_file():
-                found[key] = beside
-        return found
+            if not assets[key].path.is_file() and beside.path.is_file():
+                assets[key] = beside
+        return assets
 
     def find_file(self, base: Path, name: str | Path) -> Reference:
         """Return the file that a model in a folder names."""
@@ -251,14 +251,16 @@ def collect_files(model: Path, beside: Sequence[Path] = (), copy: Path | None = 
     model, others = _make_plain_path(model), set(map(_make_plain_path, beside))
     try:
         search = FileSearch(copy and _make_plain_path(copy))
-        named = list(search.iterate_references(model))
-        paths = {model, *others, *(_make_plain_path(reference.path) for reference in named)}
+        references = list(search.iterate_references(model))
+        paths = {model, *others, *(_make_plain_path(reference.path) for reference in references)}
         check_places(paths, beside[0].parent if beside else model, copy)
-        found = [reference for reference in named if reference.path.is_file()]
-        files = {model, *others, *(_make_plain_path(reference.path) for reference in found)}
+        existing = [reference for reference in references if reference.path.is_file()]
+        files = {model, *others, *(_make_plain_path(reference.path) for reference in existing)}
         for path in files:
             check_picture(path, search.size)
-        root = common_folder({*files, *(_make_plain_path(reference.place) for reference in found)})
+        root = common_folder(
+            {*files, *(_make_plain_path(reference.place) for reference in existing)}
+        )
         # What a package is called is no part of the scene: names start where the files do.
         inner = common_folder(files)
         digest = hashlib.sha256()
@@ -274,11 +276,11 @@ def collect_files(model: Path, beside: Sequence[Path] = (), copy: Path | None = 
             ),
             resources={
                 plain_name(reference.resource): _make_plain_path(reference.path)
-                for reference in found
+                for reference in existing
                 if reference.resource
             },
             copied=copy is not None,
-            absolute=any(reference.absolute for reference in found),
+            absolute=any(reference.absolute for reference in existing),
             hash=digest.hexdigest()[:16],
         )
     except OSError as error:

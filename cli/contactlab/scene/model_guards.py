@@ -30,14 +30,16 @@ def allow_files(folders: Iterable[Path]) -> None:
     )
 
 
-def check_places(files: Iterable[Path], named: Path, copy: Path | None = None) -> None:
+def check_places(files: Iterable[Path], model_path: Path, copy: Path | None = None) -> None:
     """Check that files lie where a model, or the folder of its manifest, may name them.
 
     A SceneError names one that does not. Hidden files and folders, as `.ssh`, are never a scene's,
     and neither are pipes and devices.
     """
     homes = (
-        [named.resolve()] if named.is_dir() else [named.parent.resolve(), named.resolve().parent]
+        [model_path.resolve()]
+        if model_path.is_dir()
+        else [model_path.parent.resolve(), model_path.resolve().parent]
     )
     trees = [(home, copy.resolve() if copy else scene_tree(home)) for home in homes]
     installed = (Path(sysconfig.get_path(name)).resolve() for name in ("purelib", "platlib"))
@@ -50,7 +52,8 @@ def check_places(files: Iterable[Path], named: Path, copy: Path | None = None) -
         if not any(_is_inside(real, home, tree) for home, tree in trees):
             lies = "lies" if real.exists() else "does not exist, and lies"
             raise SceneError(
-                f"{named}: {file} {lies} outside of {trees[0][1]}, where the model's files are; "
+                f"{model_path}: {file} {lies} outside of {trees[0][1]}, where the model's files "
+                "are; "
                 f"put it there, or allow its folder: `contactlab --allow-files {real.parent} "
                 "COMMAND`"
             )
@@ -138,9 +141,9 @@ class ModelSize:
 
         A SceneError says that there are too many, or that assets are too large.
         """
-        left, elements = [(root, 1.0)], 0.0
-        while left:
-            element, copies = left.pop()
+        stack, elements = [(root, 1.0)], 0.0
+        while stack:
+            element, copies = stack.pop()
             name = element.tag + (f" '{element.get('name')}'" if element.get("name") else "")
             if element.tag == "size":
                 self._check_counts(element)
@@ -156,13 +159,13 @@ class ModelSize:
                 attached[model] = attached.get(model, 0.0) + copies
             elements += copies
             self.check_elements(name, elements)
-            left += [(inner, copies) for inner in reversed(element)]
+            stack += [(inner, copies) for inner in reversed(element)]
         return elements
 
     def _check_counts(self, element: ET.Element) -> None:
         for key, text in element.items():
-            counted = key == "nkey" or key.startswith("nuser_")
-            if counted and max(_read_numbers(text)) > self.most_count:
+            is_count = key == "nkey" or key.startswith("nuser_")
+            if is_count and max(_read_numbers(text)) > self.most_count:
                 raise SceneError(
                     f"<size {key}={text!r}> is more than {self.most_count:,}; make it smaller"
                 )
@@ -170,13 +173,13 @@ class ModelSize:
 
 def _read_numbers(text: str) -> list[float]:
     # The compiler reports other words; here they count as 1.
-    found: list[float] = []
+    numbers: list[float] = []
     for word in text.split():
         try:
-            found.append(float(word))
+            numbers.append(float(word))
         except ValueError:
-            found.append(1.0)
-    return [1.0 if math.isnan(number) else number for number in found] or [1.0]
+            numbers.append(1.0)
+    return [1.0 if math.isnan(number) else number for number in numbers] or [1.0]
 
 
 def check_picture(path: Path, size: ModelSize) -> None:

@@ -72,7 +72,7 @@ def refuse_place(source: SceneSource, folder: Path, name: str = "") -> None:
             f"{folder} is the folder of the scene; write into another folder, such as "
             f"{folder / 'changed' / (name or model.name)}"
         )
-    if name and (named := model.with_name(name)) != model and named in source.content.files:
+    if name and (target := model.with_name(name)) != model and target in source.content.files:
         raise OutputError(
             f"{folder / name}: {model.name} has another file {name}, and both go into this folder; "
             "choose another name"
@@ -111,7 +111,7 @@ def write_model(scene: Scene, edits: ModelEdits, folder: Path, name: str = "") -
         patch = [
             _file_patch(path.relative_to(start), before[path], after[path]) for path in changed
         ]
-        written = WrittenModel(
+        written_model = WrittenModel(
             source=_place_scene(copied, folder, name or copied.model.name),
             folder=source.content.root / start.relative_to(copied.content.root),
             patch=b"".join(patch) if copied.content.model == source.content.model else b"",
@@ -119,12 +119,12 @@ def write_model(scene: Scene, edits: ModelEdits, folder: Path, name: str = "") -
             compiled=compiled.compiled,
         )
         if not compiled.run.structure and not compiled.run.without:
-            share_written(written.source, written.compiled)
-        patch_path = written.path.with_suffix(".patch")
+            share_written(written_model.source, written_model.compiled)
+        patch_path = written_model.path.with_suffix(".patch")
         patch_path.unlink(missing_ok=True)
-        if written.patch:
-            patch_path.write_bytes(written.patch)
-        return written
+        if written_model.patch:
+            patch_path.write_bytes(written_model.patch)
+        return written_model
 
 
 # Fields that elements set are compared before fields derived from them.
@@ -135,9 +135,13 @@ _ELEMENT_FIELDS = tuple(f"{prefix}_" for prefix in FIELD_KINDS if prefix != "bod
 _SIMULATED_FIELD = "actuator_lengthrange"
 
 
-def _refuse_differences(made: mujoco.MjModel, meant: mujoco.MjModel, draft: Draft) -> None:
+def _refuse_differences(written_model: mujoco.MjModel, meant: mujoco.MjModel, draft: Draft) -> None:
     """Refuse a model that differs from another in more than names and paths."""
-    for some, other in ((made, meant), (made.opt, meant.opt), (made.stat, meant.stat)):
+    for some, other in (
+        (written_model, meant),
+        (written_model.opt, meant.opt),
+        (written_model.stat, meant.stat),
+    ):
         old, new = fields_of(some), fields_of(other)
         for name in sorted(old, key=lambda name: not name.startswith(_ELEMENT_FIELDS)):
             if old[name].shape != new[name].shape:
@@ -148,19 +152,21 @@ def _refuse_differences(made: mujoco.MjModel, meant: mujoco.MjModel, draft: Draf
             if name == _SIMULATED_FIELD and np.allclose(old[name], new[name], rtol=SUM_ROUNDING):
                 continue
             for row in differing_rows(old[name], new[name])[:1]:
-                then, wanted = (mjcf_text(side[name][row].tolist()) for side in (old, new))
-                of = draft.describe_row(made, name, row)
-                raise SceneError(f"cannot write {name}{of}: it would be {then}, not {wanted}")
+                then, intended_text = (mjcf_text(side[name][row].tolist()) for side in (old, new))
+                of = draft.describe_row(written_model, name, row)
+                raise SceneError(
+                    f"cannot write {name}{of}: it would be {then}, not {intended_text}"
+                )
 
 
 def _file_patch(path: Path, before: bytes, after: bytes) -> bytes:
     # The tab ends the name, which may contain spaces.
     name = path.as_posix().encode() + b"\t"
     old, new = (re.findall(rb"[^\n]*\n|[^\n]+", text) for text in (before, after))
-    found = difflib.diff_bytes(difflib.unified_diff, old, new, b"a/" + name, b"b/" + name)
+    patch_lines = difflib.diff_bytes(difflib.unified_diff, old, new, b"a/" + name, b"b/" + name)
     return b"".join(
         line if line.endswith(b"\n") else line + b"\n\\ No newline at end of file\n"
-        for line in found
+        for line in patch_lines
     )
 
 
@@ -182,8 +188,8 @@ def _copy_scene(source: SceneSource, folder: Path, name: str, *, fused: bool) ->
         spec = mujoco.MjSpec.from_file(str(urdf))
         spec.compiler.fusestatic = spec.compiler.fusestatic and fused
         for mesh in spec.meshes:
-            if found := resources.get(plain_name(mesh.file)):
-                mesh.file = relative_path(found, urdf.parent / spec.meshdir).as_posix()
+            if resource := resources.get(plain_name(mesh.file)):
+                mesh.file = relative_path(resource, urdf.parent / spec.meshdir).as_posix()
         # Versions before 4.0 round numbers; the comparison refuses results that differ.
         if hasattr(spec.compiler, "savecompiled"):
             spec.compiler.savecompiled = False
@@ -199,10 +205,10 @@ def _copy_scene(source: SceneSource, folder: Path, name: str, *, fused: bool) ->
 def _place_scene(source: SceneSource, folder: Path, name: str) -> SceneSource:
     root, model = source.content.root, source.model.with_name(name)
     source.model.rename(model)
-    named = source.manifest and Path(source.manifest.model).with_name(name).as_posix()
-    if source.manifest and named != source.manifest.model:
+    model_name = source.manifest and Path(source.manifest.model).with_name(name).as_posix()
+    if source.manifest and model_name != source.manifest.model:
         text = re.sub("(?m)^model:.*\n", "", source.path.read_text(encoding="utf-8-sig"))
-        source.path.write_text(f"{text.rstrip()}\nmodel: {named}\n", encoding="utf-8")
+        source.path.write_text(f"{text.rstrip()}\nmodel: {model_name}\n", encoding="utf-8")
     try:
         # Copy files and folders without their permissions: those of new files are the user's.
         folder.mkdir(parents=True, exist_ok=True)

@@ -62,9 +62,9 @@ def parse(path: Path) -> ET.Element:
     return _Reading(path, data).parse_root()
 
 
-def parse_text(text: str, shown: str) -> ET.Element:
-    """Return the root element of a model's text, like `parse`; mistakes are in a `shown` file."""
-    return _Reading(Path(shown), text.encode()).parse_root()
+def parse_text(text: str, file_name: str) -> ET.Element:
+    """Return the root element of a model's text, like `parse`. Errors name `file_name`."""
+    return _Reading(Path(file_name), text.encode()).parse_root()
 
 
 class _Reading:
@@ -110,8 +110,8 @@ class _Reading:
 
     def _check_breaks(self, start: int) -> None:
         """Refuse line breaks and tabs in the names of files that a start tag has."""
-        for found in _ATTRIBUTE.finditer(self._data, start):
-            key, value = found.groups()
+        for attribute in _ATTRIBUTE.finditer(self._data, start):
+            key, value = attribute.groups()
             if key is None:
                 return
             if key.decode() in _NAMING and _BREAK.search(value):
@@ -135,5 +135,5 @@ Elements = Sequence[tuple[str, Mapping[str, str]]]
 def list_elements(root: ET.Element, path: str = "") -> Elements:
     """Return an element and all below it, with their paths and attributes."""
     place = f"{path}/{root.tag}" if path else root.tag
-    below = (found for part in root for found in list_elements(part, place))
+    below = (element for part in root for element in list_elements(part, place))
     return [(place, root.attrib), *below]

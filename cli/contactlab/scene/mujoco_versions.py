@@ -108,12 +108,12 @@ def in_this_version(axis: AxisSpec, *, lenient: bool) -> AxisSpec:
 
 
 def _missing_feature(axis: str, value: object) -> NewFeature | None:
-    known = (feature for feature in _unsupported_features() if feature.axis == axis)
+    features_of_axis = (feature for feature in _unsupported_features() if feature.axis == axis)
     word = str(value).lower()
     return next(
         (
             feature
-            for feature in known
+            for feature in features_of_axis
             if word in _SWITCH_WORDS.get(feature.value, (feature.value,))
         ),
         None,

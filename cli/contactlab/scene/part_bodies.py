@@ -32,12 +32,12 @@ def bodies_of_tendon(model: mujoco.MjModel, index: int) -> tuple[str, ...]:
         int(_WRAP.mjWRAP_SPHERE): model.geom_bodyid,
         int(_WRAP.mjWRAP_CYLINDER): model.geom_bodyid,
     }
-    known = [
+    bodies = [
         int(np.asarray(owners[kind])[item])
         for kind, item in zip(kinds.tolist(), objects.tolist(), strict=True)
         if kind in owners
     ]
-    return moving_bodies(model, known)
+    return moving_bodies(model, bodies)
 
 
 def bodies_of_actuator(model: mujoco.MjModel, index: int) -> tuple[str, ...]:

@@ -30,20 +30,25 @@ class RecordedRows:
         """Read the rows. Raises a SceneError that lists all of their mistakes."""
         self._model, self._entry, self._name = model, entry, table.name
         keys = [entry.time, *([entry.run] if entry.run else [])]
-        named = entry.columns or {column: column for column in table.columns if column not in keys}
+        column_names = entry.columns or {
+            column: column for column in table.columns if column not in keys
+        }
         # A joint's name denotes its coordinate, not the control of its actuator.
         joints = {model.joint(index).name for index in range(model.njnt)}
-        named = {
-            f"{name}.qpos" if name in joints else name: column for name, column in named.items()
+        column_names = {
+            f"{name}.qpos" if name in joints else name: column
+            for name, column in column_names.items()
         }
-        found, self._mistakes = table.match_columns(model, named)
+        columns_by_place, self._mistakes = table.match_columns(model, column_names)
         if lacking := [table.missing_column_text(key) for key in keys if key not in table.columns]:
             self._mistakes += lacking
             self.raise_mistakes()
         self._unsound = set[float]()
         self._sort_by_run(*(table.columns[key] for key in keys))
-        columns = {place: table.columns[name][self._order] for place, name in found.items()}
-        names = [entry.time, *found.values()]
+        columns = {
+            place: table.columns[name][self._order] for place, name in columns_by_place.items()
+        }
+        names = [entry.time, *columns_by_place.values()]
         for column, values in zip(names, [self.times, *columns.values()], strict=True):
             unknown = ~np.isfinite(values)
             self.add_mistake(f"no finite number in column `{column}`", np.flatnonzero(unknown))
@@ -101,14 +106,14 @@ class RecordedRows:
             self._unsound.update(self._numbers[rows].tolist())
             run = self._entry.run
             max_listed_rows = 3  # of one kind of mistake: the others are like them
-            shown = [
+            row_names = [
                 f"row {self._order[row] + 1}" + (f" ({run} {self._numbers[row]:g})" if run else "")
                 for row in rows[:max_listed_rows].tolist()
             ]
             more = (
                 f" and {len(rows) - max_listed_rows:,} more" if len(rows) > max_listed_rows else ""
             )
-            self._mistakes.append(f"{mistake}: {', '.join(shown)}{more}")
+            self._mistakes.append(f"{mistake}: {', '.join(row_names)}{more}")
 
     def raise_mistakes(self) -> None:
         """Raise a SceneError with the collected mistakes, if there are any."""
@@ -147,9 +152,9 @@ class RecordedRows:
         self.qpos, self.qvel = state[:, : model.nq], state[:, model.nq : model.nq + model.nv]
         is_recorded = np.isin(np.arange(model.nq), list(columns))
         parts = [(part, is_recorded[part.qpos]) for part in _joint_parts(model)]
-        self.parts = tuple(part for part, known in parts if known.all())
-        for part, known in parts:
-            if known.any() and not known.all():
+        self.parts = tuple(part for part, has_row in parts if has_row.all())
+        for part, has_row in parts:
+            if has_row.any() and not has_row.all():
                 names = "x, y and z" if part.kind == "point" else "qw, qx, qy and qz"
                 self._mistakes.append(f"{part.joint} needs all of {names}")
         if not self.parts:
@@ -163,7 +168,7 @@ class RecordedRows:
         for row in self.within[steps[self.within] > 0].tolist():
             pair = qpos[row], qpos[row + 1]
             mujoco.mj_differentiatePos(self._model, self.rates[row], steps[row], *pair)
-        measured = (self.qvel + np.roll(self.qvel, -1, axis=0)) / 2
+        mean_velocity = (self.qvel + np.roll(self.qvel, -1, axis=0)) / 2
         for part in self.parts:
             quantity = "angular velocity" if part.kind in ("turn", "hinge") else "velocity"
             rates = self.rates[:, part.qvel]
@@ -176,7 +181,7 @@ class RecordedRows:
                 f"{part.joint} jumps in one row only",
                 _single_row_jumps(rates * steps[:, None], part),
             )
-            difference = measured[:, part.qvel] - rates
+            difference = mean_velocity[:, part.qvel] - rates
             off, typical = _smoothed_rms(difference), _smoothed_rms(rates)
             # Largest relative difference of recorded velocities from those of the poses.
             if off > 0.25 * typical:

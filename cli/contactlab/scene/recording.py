@@ -76,9 +76,9 @@ class RecordedRuns:
         impact = np.where(within.any(axis=2), within.argmax(axis=2) - [[1], [0]], -1)
         impact = np.where((impact >= 0).all(axis=0), impact, -1).T
         lost = [self._energy_loss(run.start + two) for run, two in zip(runs, impact, strict=True)]
-        known = np.where(impact[:, 0] >= 0, lost, np.nan)
+        lost_speed = np.where(impact[:, 0] >= 0, lost, np.nan)
         qpos, qvel = padded(rows.qpos), padded(rows.qvel)
-        return RecordedMotion(rows.parts, times, qpos, qvel, touched, impact, known)
+        return RecordedMotion(rows.parts, times, qpos, qvel, touched, impact, lost_speed)
 
     def _energy_loss(self, rows: NDArray[np.intp]) -> float:
         """Return the energy that the model loses from the first to the second of two rows [J]."""

@@ -38,13 +38,13 @@ def expected_of_runs(
     manifest: SceneManifest | None,
     runs: Sequence[RunSpec],
     models: Sequence[mujoco.MjModel],
-    asked: Sequence[RunRequirement],
+    run_requirements: Sequence[RunRequirement],
 ) -> tuple[ExpectedContact | ExpectedMotion, ...]:
     """Return the requirements of n runs of one structure, from their scene and their sweep."""
     every = [True] * len(models)
     own = [(text, every) for text in (manifest.must if manifest else ())]
-    found = list[ExpectedContact | ExpectedMotion]()
-    for text, where in (*own, *asked):
+    expected = list[ExpectedContact | ExpectedMotion]()
+    for text, where in (*own, *run_requirements):
         requirement = read_requirement(text)
         windows = np.array(
             [
@@ -54,7 +54,7 @@ def expected_of_runs(
         )
         if requirement.word in CONTACT_WORDS:
             (name,) = requirement.names
-            found.append(
+            expected.append(
                 ExpectedContact(
                     name="every monitored pair" if name == "*" else name,
                     pairs=_find_pairs(base, name),
@@ -69,8 +69,8 @@ def expected_of_runs(
                 )
             )
         else:
-            found.append(_expected_motion(base, models, requirement, windows))
-    return tuple(found)
+            expected.append(_expected_motion(base, models, requirement, windows))
+    return tuple(expected)
 
 
 def check_requirements(base: CompiledScene, manifest: SceneManifest) -> None:
@@ -93,8 +93,12 @@ def mistake_in_requirement(
         (name,) = requirement.names
         if not _find_pairs(base, name):
             bodies, sides = _index_pairs(base)
-            known = [*bodies, *sides]
-            hint = _name_hint(name, known) if known else "; name pairs in the `pairs` of a scene"
+            known_names = [*bodies, *sides]
+            hint = (
+                _name_hint(name, known_names)
+                if known_names
+                else "; name pairs in the `pairs` of a scene"
+            )
             mistake = f"'{name}' names no monitored pair{hint}"
     else:
         mistake = _unknown_name(requirement, base.model)
@@ -140,8 +144,8 @@ def _requirement_window(
 def _find_pairs(base: CompiledScene, name: str) -> tuple[int, ...]:
     """Return the indices of the monitored pairs of a body, a pair, or a pattern of either."""
     for names in _index_pairs(base):
-        if found := match_names(names, name):
-            return tuple(sorted({index for known in found for index in names[known]}))
+        if pair_names := match_names(names, name):
+            return tuple(sorted({index for pair_name in pair_names for index in names[pair_name]}))
     return ()
 
 
@@ -165,15 +169,15 @@ def _unknown_name(requirement: Requirement, model: mujoco.MjModel) -> str | None
         *((name, "body") for name in (requirement.names[0], *holder)),
         *((name, "body or site") for name in requirement.names[1:]),
     ):
-        known = bodies if kind == "body" else [*bodies, *sites]
-        if name not in known:
-            return f"no {kind} '{name}'{_name_hint(name, known)}"
+        known_names = bodies if kind == "body" else [*bodies, *sites]
+        if name not in known_names:
+            return f"no {kind} '{name}'{_name_hint(name, known_names)}"
     return None
 
 
-def _name_hint(name: str, known: Sequence[str]) -> str:
-    names = first_names(f"known here: {', '.join(known)}")
-    return did_you_mean(name, known) or (f"; {names}" if known else "")
+def _name_hint(name: str, known_names: Sequence[str]) -> str:
+    names = first_names(f"known here: {', '.join(known_names)}")
+    return did_you_mean(name, known_names) or (f"; {names}" if known_names else "")
 
 
 def _expected_motion(
@@ -226,12 +230,12 @@ def _pairs_between(base: CompiledScene, one: str, other: str) -> tuple[int, ...]
     ]
     # Descendants of the first body do not hold it, even if they are also below the second.
     trees[1] -= trees[0]
-    found: list[int] = []
+    places: list[int] = []
     for index, pair in enumerate(base.pairs):
         owners = [int(base.model.geom_bodyid[side[0]]) for side in pair.geoms]
         if any(a in trees[0] and b in trees[1] for a, b in (owners, owners[::-1])):
-            found.append(index)
-    return tuple(found)
+            places.append(index)
+    return tuple(places)
 
 
 def _body_subtree(model: mujoco.MjModel, root: int) -> set[int]:

@@ -85,7 +85,7 @@ def make_setup(
     runs: Sequence[RunSpec],
     models: Sequence[mujoco.MjModel],
     thresholds: Mapping[str, float],
-    asked: Sequence[RunRequirement] = (),
+    run_requirements: Sequence[RunRequirement] = (),
 ) -> Setup:
     """Return the setup of n runs of one structure, with the requirements of their sweep."""
     bodies, holding = _free_bodies(models), base.holding
@@ -119,7 +119,7 @@ def make_setup(
         contact_time=np.array([_longest_contact_time(model) for model in models]),
         limits_act=np.array([read_flag(model, "limit") for model in models]),
         speculative=np.array([run.flags.get("speculative", False) for run in runs]),
-        expected=expected_of_runs(base, manifest, runs, models, asked),
+        expected=expected_of_runs(base, manifest, runs, models, run_requirements),
         oracle=oracle.name if oracle else None,
         oracle_tolerance=oracle.tolerance if oracle else np.inf,
         thresholds={**(manifest.thresholds if manifest else {}), **thresholds},

@@ -101,11 +101,11 @@ class Scene:
             if manifest:
                 check_requirements(base, manifest)
             self.switched = self.catalogue.switched_effects(manifest)
-            written = locate_drive(manifest.drive if manifest else "none", source.path.parent)
+            written_drive = locate_drive(manifest.drive if manifest else "none", source.path.parent)
         self.lacking = missing_flags()
         # A model without a manifest keeps all effects as written.
         self.auto = manifest is not None and manifest.effects.get("base", "auto") == "auto"
-        self._set_drive(written)
+        self._set_drive(written_drive)
         self.initial_states([self.resolve({}, 0, None)])
 
     @classmethod
@@ -441,7 +441,7 @@ class Scene:
         Starts are similar if `is_straight` is the same for them.
         """
         drive = drive_identity(run.drive)
-        held = run.initial if run.drive == "hold" else {}
+        held_state = run.initial if run.drive == "hold" else {}
         edits, without = run.edits(), sorted(run.without)
-        key = json.dumps([run.structure, without, edits, drive, held])
+        key = json.dumps([run.structure, without, edits, drive, held_state])
         return hashlib.sha256(key.encode()).hexdigest()

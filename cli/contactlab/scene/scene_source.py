@@ -55,10 +55,10 @@ def menagerie_model(reference: str) -> Path:
     robots: list[str] = package.names()
     message, listing = f"MuJoCo Menagerie has no robot '{robot}'", "`mujoco-menagerie names`"
     SceneError.unless_known(robot, robots, message, f"; {listing} lists them")
-    known: list[str] = package.get(robot).entry_names
+    entries: list[str] = package.get(robot).entry_names
     if entry:
         message = f"{robot} of MuJoCo Menagerie has no entry '{entry}'"
-        SceneError.unless_known(entry, known, message, f"; write one of {', '.join(known)}")
+        SceneError.unless_known(entry, entries, message, f"; write one of {', '.join(entries)}")
     try:
         path = Path(package.get(robot).xml(entry or None))
     except (package.MenagerieError, OSError) as error:
@@ -113,12 +113,12 @@ class SceneSource:
     def elements(self) -> Elements:
         """The elements of the model's XML files; none of other files."""
         files = (self.content.root / name for name in self.content.files)
-        found = list[tuple[str, Mapping[str, str]]]()
+        all_elements = list[tuple[str, Mapping[str, str]]]()
         for path in files:
             if path.suffix in MODEL_SUFFIXES:
                 with suppress(SceneError):
-                    found += list_elements(parse(path))
-        return found
+                    all_elements += list_elements(parse(path))
+        return all_elements
 
     @contextmanager
     def named_in_errors(self) -> Generator[None]:
@@ -138,8 +138,8 @@ def find_scene(
     scene does not exist, that its manifest is invalid, or that its code is not allowed.
     """
     if reference.startswith(_ENVIRONMENT_SCHEME):
-        named = reference.removeprefix(_ENVIRONMENT_SCHEME)
-        return _open_environment(named, base or Path()).open(None, allow_code)
+        advice = reference.removeprefix(_ENVIRONMENT_SCHEME)
+        return _open_environment(advice, base or Path()).open(None, allow_code)
     if is_menagerie(reference):
         return _scene_of_model(menagerie_model(reference), menagerie_name(reference))
     path = (base or Path()) / Path(reference).expanduser()
@@ -152,10 +152,10 @@ def find_scene(
         raise SceneError(f"{path}: not a model; name an .xml or .urdf file")
     if path.is_dir() and not (path / MANIFEST).is_file():
         models = sorted(each for each in path.iterdir() if each.suffix in MODEL_SUFFIXES)
-        named = " or ".join(map(str, models[:3])) or "an .xml or .urdf file; it has none"
+        advice = " or ".join(map(str, models[:3])) or "an .xml or .urdf file; it has none"
         if len(models) > 3:
-            named = f"one of its {len(models)} models, as {named}"
-        raise SceneError(f"{path} has no {MANIFEST}; name {named}")
+            advice = f"one of its {len(models)} models, as {advice}"
+        raise SceneError(f"{path} has no {MANIFEST}; name {advice}")
     if "/" in reference or (path / MANIFEST).is_file():
         return _scene_of_folder(path, path.resolve().name, allow_code=allow_code)
     if path.suffix and not path.exists():
@@ -166,8 +166,8 @@ def find_scene(
 def reference_from(folder: Path, reference: str) -> str:
     """Return a scene's reference relative to a folder, from that in the working directory."""
     path = Path(reference).expanduser()
-    named = path.suffix in MODEL_SUFFIXES or (path / MANIFEST).is_file() or "/" in reference
-    if is_menagerie(reference) or not named:
+    is_path = path.suffix in MODEL_SUFFIXES or (path / MANIFEST).is_file() or "/" in reference
+    if is_menagerie(reference) or not is_path:
         return reference
     relative = relative_path(path, folder).as_posix()
     return relative if path.suffix in MODEL_SUFFIXES else f"{relative}/"
@@ -208,19 +208,19 @@ def _scene_of_folder(
             f"{path} has no {MANIFEST}; to run without one, name the model file itself"
         )
     check_places([manifest], path, copy)
-    read = read_manifest(manifest)
-    environment = read.environment and _open_environment(read.environment, path)
+    declared = read_manifest(manifest)
+    environment = declared.environment and _open_environment(declared.environment, path)
     if environment and copy is None:
-        return environment.open(read, allow_code)
-    if read.model.endswith(BINARY) and copy is None:
+        return environment.open(declared, allow_code)
+    if declared.model.endswith(BINARY) and copy is None:
         raise SceneError(
-            f"{path / read.model} is compiled; name the MJCF or URDF that it was compiled from"
+            f"{path / declared.model} is compiled; name the MJCF or URDF that it was compiled from"
         )
-    recorded = [read.recording.file] if read.recording else []
-    named = [path / file for file in (*drive_files(read.drive), *recorded)]
-    named += environment.files if environment else ()
-    files = collect_files(path / read.model, [manifest, *named], copy)
-    return SceneSource(name, manifest, read, files, environment)
+    recorded = [declared.recording.file] if declared.recording else []
+    other_files = [path / file for file in (*drive_files(declared.drive), *recorded)]
+    other_files += environment.files if environment else ()
+    files = collect_files(path / declared.model, [manifest, *other_files], copy)
+    return SceneSource(name, manifest, declared, files, environment)
 
 
 def read_manifest(path: Path) -> SceneManifest:
@@ -230,13 +230,13 @@ def read_manifest(path: Path) -> SceneManifest:
     try:
         return _parse_manifest(path.read_text(encoding="utf-8-sig"))
     except ValidationError as error:
-        found = [
+        mistakes = [
             ([str(part) for part in detail["loc"]], explain_error(detail))
             for detail in error.errors()
         ]
         # Parts with @ distinguish forms of a value; they are not keys.
         errors = [
-            f"  {'.'.join(part for part in at if '@' not in part)}: {text}" for at, text in found
+            f"  {'.'.join(part for part in at if '@' not in part)}: {text}" for at, text in mistakes
         ]
         raise SceneError("\n".join([f"{path}: invalid manifest", *errors])) from error
     except (YAMLError, ValueError, OSError, RecursionError) as error:

@@ -33,9 +33,9 @@ def has_controls(model: mujoco.MjModel, keyframe: str) -> bool:
 
 def default_start_keyframe(model: mujoco.MjModel) -> str:
     """Return the first keyframe with controls; otherwise the first one; otherwise `QPOS0`."""
-    known = keyframe_names(model)
-    own = (name for name in known if has_controls(model, name))
-    return next(own, next(iter(known), QPOS0))
+    keyframes = keyframe_names(model)
+    own = (name for name in keyframes if has_controls(model, name))
+    return next(own, next(iter(keyframes), QPOS0))
 
 
 def infer_drive(model: mujoco.MjModel, keyframe: str) -> Drive:
@@ -81,8 +81,8 @@ def infer_task(
     lacks.
     """
     begin = start or default_start_keyframe(model)
-    known = (*keyframe_names(model), QPOS0)
-    SceneError.unless_known(begin, known, f"the model has no keyframe '{begin}'")
+    keyframes = (*keyframe_names(model), QPOS0)
+    SceneError.unless_known(begin, keyframes, f"the model has no keyframe '{begin}'")
     bodies = [name_of(model, "body", index) for index in range(model.nbody)]
     for name in watch:
         has = first_names(f"it has: {', '.join(bodies[1:])}")

@@ -25,8 +25,10 @@ def read_formula(term: Term, where: str, initial: Collection[str]) -> Expression
         raise SceneError(f"{where} to '{term}': {error}") from error
     unknown = ", ".join(sorted(set(expression.names) - set(initial)))
     if unknown:
-        known = f"one of {', '.join(initial)}" if initial else "a number; there are no names here"
-        raise SceneError(f"{where} from unknown {unknown}; write {known}")
+        accepted_names = (
+            f"one of {', '.join(initial)}" if initial else "a number; there are no names here"
+        )
+        raise SceneError(f"{where} from unknown {unknown}; write {accepted_names}")
     return expression
 
 
@@ -96,10 +98,10 @@ class Signals:
         times = np.where(near, steps * timestep, self.times)
         return Signals(self.places, times, self.levels)
 
-    def exclude_inputs(self, left: NDArray[np.bool_]) -> "Signals":
-        """Return the signals except those that `left` (P,) marks."""
-        times = self.times if len(self.times) < len(left) else self.times[~left]
-        return Signals(self.places[~left], times, self.levels[~left])
+    def exclude_inputs(self, excluded: NDArray[np.bool_]) -> "Signals":
+        """Return the signals except those that `excluded` (P,) marks."""
+        times = self.times if len(self.times) < len(excluded) else self.times[~excluded]
+        return Signals(self.places[~excluded], times, self.levels[~excluded])
 
     def merge_signals(self, other: "Signals") -> "Signals":
         """Return these signals, and others of the same run for inputs that these do not drive."""
@@ -129,11 +131,11 @@ def _bracketing_knots(
     Times and knots are float64. Runs of a job often share both, so the search result is cached.
     Before the first knot and after the last one, both knots are that one.
     """
-    wanted, places = np.frombuffer(times), np.frombuffer(knots)
-    after = np.searchsorted(places, wanted, side="right")
+    instants, places = np.frombuffer(times), np.frombuffer(knots)
+    after = np.searchsorted(places, instants, side="right")
     before, after = np.maximum(after - 1, 0), np.minimum(after, len(places) - 1)
     width = places[after] - places[before]
-    return before, after, np.where(after > before, width, 1.0), wanted - places[before]
+    return before, after, np.where(after > before, width, 1.0), instants - places[before]
 
 
 def read_control(
@@ -146,7 +148,7 @@ def read_control(
     # Inputs that initial values set; indices of states are negative.
     first = part_starts(model)["ctrl"]
     values = manifest.initial
-    taken = {
+    occupied = {
         place - first: f"initial value '{name}'"
         for name, entry in values.items()
         for pattern in entry.sets
@@ -159,9 +161,9 @@ def read_control(
                 f"control '{name}' is part of the state, not an input; write {_INPUT_FORMS}"
             )
         inputs = tuple(place - first for place in places)
-        if clash := next((taken[taking] for taking in inputs if taking in taken), None):
+        if clash := next((occupied[taking] for taking in inputs if taking in occupied), None):
             raise SceneError(f"control {name}: {clash} sets the same input; keep one of them")
-        taken |= dict.fromkeys(inputs, f"control {name}")
+        occupied |= dict.fromkeys(inputs, f"control {name}")
         times, levels = (
             tuple(read_formula(term, f"control {name} sets its {part}", values) for term in terms)
             for part, terms in (("times", entry.at), ("values", entry.to))

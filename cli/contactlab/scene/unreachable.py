@@ -86,8 +86,8 @@ class Clearance:
                 reach += float(np.linalg.norm(model.body_pos[parent]))
         between = bounds > 0
         bounded = np.isfinite(bounds).all() and np.isfinite(self.ranges[between]).all()
-        measured = not _UNMEASURED_SHAPES & set(model.geom_type[[*pair]].tolist())
-        if not bounded or not measured or read_flag(model, "speculative"):
+        is_measurable = not _UNMEASURED_SHAPES & set(model.geom_type[[*pair]].tolist())
+        if not bounded or not is_measurable or read_flag(model, "speculative"):
             return None
         return np.where(between & (model.jnt_type == _JOINT_TYPES.mjJNT_SLIDE), 1.0, bounds)
 
@@ -140,12 +140,12 @@ def unreachable_pairs(
     """
     clearance = Clearance(model, runs)
     levers = {pair: each for pair in pairs if (each := clearance.motion_bounds(pair)) is not None}
-    known, generator = np.isfinite(clearance.ranges).all(axis=1), np.random.default_rng(0)
+    is_limited, generator = np.isfinite(clearance.ranges).all(axis=1), np.random.default_rng(0)
     random_samples = 64
     # Random postures quickly discard most of the pairs that can touch.
     for _ in range(random_samples):
         qpos = model.qpos0.copy()
-        qpos[model.jnt_qposadr[known]] = generator.uniform(*clearance.ranges[known].T)
+        qpos[model.jnt_qposadr[is_limited]] = generator.uniform(*clearance.ranges[is_limited].T)
         for pair in clearance.touching_pairs(qpos) & levers.keys():
             del levers[pair]
     # Boxes of postures of a pair before it must have proved a share of them, and of all pairs.
@@ -162,19 +162,19 @@ def _is_separated(clearance: Clearance, pair: GeomPair, levers: Floats, first: i
     model, between = clearance.model, np.flatnonzero(levers)
     places, levers, ranges = model.jnt_qposadr[between], levers[between], clearance.ranges[between]
     boxes, qpos = [(ranges.mean(axis=1), np.ptp(ranges, axis=1) / 2, 1.0)], model.qpos0.copy()
-    tried, done = 0, 0.0
+    box_count, proved_share = 0, 0.0
     max_boxes = 4096  # of a whole proof; fewer must have proved their share of it
     while boxes:
-        tried += 1
+        box_count += 1
         middle, half, share = boxes.pop()
         qpos[places] = middle
         clearance.set_configuration(qpos)
         slack = float(levers @ half)
         distance = clearance.measure_distance(*pair, slack)
-        if distance <= 0 or (tried > first and tried > done * max_boxes):
+        if distance <= 0 or (box_count > first and box_count > proved_share * max_boxes):
             return False
         if distance >= slack:
-            done += share
+            proved_share += share
         else:
             shift = np.where(np.arange(len(half)) == (levers * half).argmax(), half / 2, 0.0)
             boxes += [(middle + way * shift, half - shift, share / 2) for way in (-1, 1)]

@@ -50,13 +50,15 @@ class AdvisoriesCheck(ReportModel):
     @property
     def mistakes(self) -> list[str]:
         """The wrong statements of advisories, each with the releases that it is about."""
-        found = dict[tuple[str, str], list[str]]()
+        releases_by_mistake = dict[tuple[str, str], list[str]]()
         for result in self.results:
             if result.mistake:
-                found.setdefault((result.advisory, result.mistake), []).append(result.release)
+                releases_by_mistake.setdefault((result.advisory, result.mistake), []).append(
+                    result.release
+                )
         return [
             f"{name}: {mistake} ({', '.join(releases)})"
-            for (name, mistake), releases in found.items()
+            for (name, mistake), releases in releases_by_mistake.items()
         ]
 
     @property

@@ -131,7 +131,7 @@ class Coverage(Model):
             "equality": bool(self.equalities),
             "actuation": bool(self.actuators),
         }
-        return frozenset(feature for feature, held in holds.items() if held)
+        return frozenset(feature for feature, is_present in holds.items() if is_present)
 
     @property
     def exercised(self) -> frozenset[Feature]:
@@ -155,7 +155,7 @@ class Coverage(Model):
             "actuation": any(actuator.force for actuator in self.actuators.values()),
             "clamping": any(actuator.ends for actuator in self.actuators.values()),
         }
-        return frozenset(feature for feature, held in holds.items() if held)
+        return frozenset(feature for feature, is_exercised in holds.items() if is_exercised)
 
 
 def _unite_values(one: Any, other: Any) -> Any:  # noqa: ANN401 - JSON
@@ -199,7 +199,7 @@ class Exercised:
         united: dict[str, Any] = {}
         drives: list[object] = []
         pairs: dict[str, object] = {}
-        known = True
+        is_proven = True
         for row in rows:
             if enough is not None and features.issuperset(enough):
                 break
@@ -207,14 +207,14 @@ class Exercised:
             own = row.get("pairs")
             pairs |= json.loads(own) if isinstance(own, str) else dict(own or {})
             if row.get("coverage") is None:
-                known = False
+                is_proven = False
                 features.update(get_args(Feature))
                 continue
             features.update(Coverage.model_validate_json(row["coverage"]).exercised)
             united = _unite_values(united, json.loads(row["coverage"]))
         whole = Coverage.model_validate(united)
-        found = whole if known and drives else None
-        return cls(whole.exercised | features, whole.present, tuple(drives), found, tuple(pairs))
+        proven = whole if is_proven and drives else None
+        return cls(whole.exercised | features, whole.present, tuple(drives), proven, tuple(pairs))
 
     def idle_parts(self) -> tuple[str, ...]:
         """Return the parts that no run exercised, a line for each kind; empty if not known."""
@@ -246,8 +246,8 @@ class Exercised:
     def describe_lacking(self, features: Collection[Feature]) -> str | None:
         """Say which features no run exercised; None if all were."""
         lacking = {
-            feature: said
-            for feature, said in _LACKING.items()
+            feature: phrase
+            for feature, phrase in _LACKING.items()
             if feature in features and feature not in self.features
         }
         return ", ".join(lacking.values()) or None

@@ -68,10 +68,10 @@ class DiffReport(ReportModel):
     def headline(self) -> str:
         """The result in a sentence."""
         count = len(self.differences)
-        counted = f"{count} difference{'' if count == 1 else 's'}" if count else "no difference"
+        count_text = f"{count} difference{'' if count == 1 else 's'}" if count else "no difference"
         one, other = (Path(model).name for model in (self.before, self.after))
         which = f" between {one} and {other}" if one != other else ""
-        return f"{counted}{which} above {100 * self.tolerance:g} %"
+        return f"{count_text}{which} above {100 * self.tolerance:g} %"
 
     @property
     def problem(self) -> str:

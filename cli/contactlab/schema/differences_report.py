@@ -47,8 +47,8 @@ class DifferencesReport(ReportModel):
         faults = sum(bool(group.faulty) for group in self.groups)
         changes, (first, second) = len(self.groups) - faults, self.releases
         counts = ((faults, "fault"), (changes, "change"), (self.compared, "model"))
-        said = [f"{count} {word}{'s' * (count != 1)}" for count, word in counts]
-        return f"{said[0]} and {said[1]} from {first} to {second}, in {said[2]}"
+        phrases = [f"{count} {word}{'s' * (count != 1)}" for count, word in counts]
+        return f"{phrases[0]} and {phrases[1]} from {first} to {second}, in {phrases[2]}"
 
     @property
     def problem(self) -> str:

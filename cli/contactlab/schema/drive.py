@@ -128,8 +128,8 @@ def _drive_form(data: object) -> str | None:
     if isinstance(data, str):
         return "@word" if data in DRIVE_WORDS else None
     keys = dict(data) if isinstance(data, Model) else data
-    known = cast("Mapping[str, object]", keys) if isinstance(keys, Mapping) else {}
-    return next((f"@{name}" for name in DRIVE_FORMS if name in known), None)
+    given_keys = cast("Mapping[str, object]", keys) if isinstance(keys, Mapping) else {}
+    return next((f"@{name}" for name in DRIVE_FORMS if name in given_keys), None)
 
 
 # Tags start with @ so that an error's path never mistakes one for a key of the file.
@@ -163,9 +163,9 @@ def read_drive(text: str) -> Drive:
         below = data
         for key in above:
             below = below.setdefault(key, {})
-        below[name] = written = part.partition("=")[2].strip()
+        below[name] = value_text = part.partition("=")[2].strip()
         with suppress(ValueError):
-            below[name] = parse_decimal(written)
+            below[name] = parse_decimal(value_text)
     return parse_drive(data)
 
 

@@ -165,8 +165,8 @@ class RunLabel(Model):
     @property
     def where(self) -> str:
         """The bodies after " of ", if its reason does not name them; otherwise empty."""
-        named = any(body in self.reason for body in self.bodies)
-        return f" of {', '.join(self.bodies)}" if self.bodies and not named else ""
+        names_body = any(body in self.reason for body in self.bodies)
+        return f" of {', '.join(self.bodies)}" if self.bodies and not names_body else ""
 
 
 class RestingContact(Model):

@@ -95,9 +95,9 @@ def _rewrite_node(schema: Mapping[str, object]) -> Node:
         if key in {"title", "discriminator"} or (key == "default" and value is None):
             continue
         if key in {"properties", "$defs"}:
-            named = cast("Mapping[str, Mapping[str, object]]", value)
+            named_parts = cast("Mapping[str, Mapping[str, object]]", value)
             node[_RENAMED.get(key, key)] = {
-                name: _rewrite_node(part) for name, part in named.items()
+                name: _rewrite_node(part) for name, part in named_parts.items()
             }
         elif key not in {"default", "const", "enum", "examples"}:
             node[_RENAMED.get(key, key)] = _rewrite_part(value)
@@ -105,9 +105,9 @@ def _rewrite_node(schema: Mapping[str, object]) -> Node:
             node[key] = value
     branches = node.get("anyOf")
     if isinstance(branches, list) and _NULL in branches:
-        kept = [cast("Node", branch) for branch in branches if branch != _NULL]
+        concrete = [cast("Node", branch) for branch in branches if branch != _NULL]
         rest = {key: value for key, value in node.items() if key != "anyOf"}
-        node = {**kept[0], **rest} if len(kept) == 1 else {**rest, "anyOf": kept}
+        node = {**concrete[0], **rest} if len(concrete) == 1 else {**rest, "anyOf": concrete}
     # Draft-07 ignores siblings of a reference, so they move into `allOf`.
     if "$ref" not in node or len(node) == 1:
         return node

@@ -146,18 +146,18 @@ def _read_range(text: str, amount: str, form: _Form) -> tuple[float, float]:
 def _read_time(text: str, keyed: Mapping[str, str], key: str) -> Term | None:
     if key not in keyed:
         return None
-    written = keyed[key]
-    number, unit = read_quantity(written)
+    value_text = keyed[key]
+    number, unit = read_quantity(value_text)
     if 0 <= number < math.inf and unit in ("", "s"):
         return number
-    mistake = f"'{text}': `{key}: {written}` is no time; write {key}: 0.5 s"
+    mistake = f"'{text}': `{key}: {value_text}` is no time; write {key}: 0.5 s"
     if not math.isnan(number):
         raise ValueError(mistake)
     try:
-        Expression(written)
+        Expression(value_text)
     except ExpressionError as error:
         raise ValueError(mistake) from error
-    return written
+    return value_text
 
 
 def _check_text(text: str) -> str:
@@ -202,8 +202,8 @@ def said_now(path: Sequence[str | int], value: object) -> str | None:
         words = [f"WORD(X, {'from' if key == 'from' else 'until'}: {value})"]
     else:
         return None
-    written = ", ".join(f'"{word}"' for word in words)
-    return f"`{key}` is `must: [{written}]` now"
+    quoted_words = ", ".join(f'"{word}"' for word in words)
+    return f"`{key}` is `must: [{quoted_words}]` now"
 
 
 def explain_error(detail: ErrorDetails) -> str:

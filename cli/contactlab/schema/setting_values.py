@@ -36,7 +36,7 @@ def number_parser(
     least: float = -math.inf,
     above: float = -math.inf,
     most: float = math.inf,
-    known: Collection[float] = (),
+    allowed: Collection[float] = (),
 ) -> Callable[[object], float]:
     """Return a parser of finite numbers, known ones or within bounds; `above` is exclusive."""
 
@@ -52,8 +52,8 @@ def number_parser(
             limits = {"of at least": least, "above": above, "of at most": most}
             bounds = [f"{side} {end:g}" for side, end in limits.items() if math.isfinite(end)]
             raise ValueError(f"write a number {' and '.join(bounds)}, not {value!r}")
-        if known and value not in known:
-            near = min(known, key=lambda candidate: abs(candidate - value))
+        if allowed and value not in allowed:
+            near = min(allowed, key=lambda candidate: abs(candidate - value))
             raise ValueError(f"there is no {value:g}; the nearest is {near:g}")
         return float(value)
 
@@ -155,8 +155,8 @@ def without_unit(value: object, unit: str = "") -> float | None:
     """
     number, own = split_unit(value)
     kind, size = SI_UNITS.get(own, ("", 1.0))
-    wanted, scale = SI_UNITS.get(unit, ("", 1.0)) if unit else (kind, 1.0)
-    return float(f"{number * size / scale:.12g}") if own and kind == wanted else None
+    wanted_kind, scale = SI_UNITS.get(unit, ("", 1.0)) if unit else (kind, 1.0)
+    return float(f"{number * size / scale:.12g}") if own and kind == wanted_kind else None
 
 
 def split_unit(value: object) -> tuple[float, str]:

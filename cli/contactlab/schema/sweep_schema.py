@@ -47,9 +47,9 @@ _BASE = "base"
 def _check_effects(value: dict[str, bool | EffectsBase]) -> dict[str, bool | EffectsBase]:
     for name, item in value.items():
         if (name == _BASE) == isinstance(item, bool):
-            wanted = "auto or all" if name == _BASE else "true or false"
+            allowed_text = "auto or all" if name == _BASE else "true or false"
             raise PydanticCustomError(
-                "effects", "'{name}' takes {wanted}", {"name": name, "wanted": wanted}
+                "effects", "'{name}' takes {wanted}", {"name": name, "wanted": allowed_text}
             )
     return value
 
@@ -306,8 +306,8 @@ class Search(Model):
     @property
     def metric(self) -> str:
         """The name of the metric of the search."""
-        written = str(self.maximise or self.minimise)
-        return _MARGIN if written == MARGIN_OF_MUST else written
+        metric_name = str(self.maximise or self.minimise)
+        return _MARGIN if metric_name == MARGIN_OF_MUST else metric_name
 
 
 class AccuracyRequest(Model):
@@ -499,8 +499,10 @@ class Sweep(Model):
     @property
     def drawn_axes(self) -> frozenset[str]:
         """The axes with random values."""
-        drawn = (name for name, axis in self.axes.items() if isinstance(axis, Uniform | Loguniform))
-        return frozenset(drawn)
+        sampled = (
+            name for name, axis in self.axes.items() if isinstance(axis, Uniform | Loguniform)
+        )
+        return frozenset(sampled)
 
     @property
     def is_drawn(self) -> bool:

@@ -52,14 +52,14 @@ class Driving:
         """
         self._model, self._drive, self._rule, self._recorded = model, drive, rule, None
         if isinstance(drive, FileDrive) and table is not None:
-            self._recorded = read_recorded(model, table, held=drive.interpolation == "hold")
+            self._recorded = read_recorded(model, table, is_held=drive.interpolation == "hold")
         own = rule.driven_inputs
         own |= set(self._recorded.signals.places.tolist() if self._recorded else ())
         self._resting = np.array(
             [actuator for actuator in range(model.nu) if actuator not in own], np.intp
         )
-        kept = rule.held_ctrl
-        self._rest = neutral_controls(model, rule.qpos) if kept is None else kept
+        held_ctrl = rule.held_ctrl
+        self._rest = neutral_controls(model, rule.qpos) if held_ctrl is None else held_ctrl
         self._loads = dict[tuple[tuple[str, float], ...], Load]()
         self._shared = dict[tuple[object, ...], Signals]()
 
@@ -119,9 +119,11 @@ class Driving:
             return [self._excitation_for(run) for run in runs]
         key = _signal_key(run)
         if key not in self._shared:
-            held = self._recorded
+            recorded = self._recorded
             self._shared[key] = (
-                held.signals_for(run.duration, run.timestep) if held else Signals.no_signals()
+                recorded.signals_for(run.duration, run.timestep)
+                if recorded
+                else Signals.no_signals()
             )
         return [self._shared[key]] * len(runs)
 

@@ -79,30 +79,30 @@ def find_load(model: mujoco.MjModel, qpos: Floats, ctrl: Floats, act: Floats) ->
     )
     # In these units, a joint moves the inertia on the diagonal of M.
     damping = 2 * np.sqrt(stiffness * np.diagonal(inertia)[dofs])
-    wanted = np.array(qpos[places])
+    start_positions = np.array(qpos[places])
     limited = np.asarray(model.jnt_limited)[joints].astype(bool)
-    within = np.clip(wanted, *np.asarray(model.jnt_range)[joints].T)
+    within = np.clip(start_positions, *np.asarray(model.jnt_range)[joints].T)
     forces = np.asarray(data.qfrc_bias - data.qfrc_passive - data.qfrc_actuator)[dofs]
-    load = Load(joints, stiffness, damping, np.where(limited, within, wanted), forces)
+    load = Load(joints, stiffness, damping, np.where(limited, within, start_positions), forces)
     if not _carried_bodies(model, moment).size:
         return load
     # The load also balances the reaction of the ground. Each round settles with the spring forces
     # at the end of the previous one, as long as that brings the joints closer to their positions.
-    found, least = load, np.inf
+    best_load, least = load, np.inf
     max_rounds, accepted_distance = 10, 0.01  # the distance to the posture [rad or m]
     for _ in range(max_rounds):
-        held = copy.copy(model)
+        held_model = copy.copy(model)
         # With a fixed timestep [s] the load is the same for every timestep of the model.
-        held.opt.timestep = 2e-3
-        load.write_load(held)
-        away = _settled_distance(held, load, data)
+        held_model.opt.timestep = 2e-3
+        load.write_load(held_model)
+        away = _settled_distance(held_model, load, data)
         if not np.abs(away).max(initial=0.0) < least:
             break
-        found, least = load, float(np.abs(away).max(initial=0.0))
+        best_load, least = load, float(np.abs(away).max(initial=0.0))
         if least < accepted_distance:
             break
         load = replace(load, balance=load.balance - load.stiffness * away)
-    return found
+    return best_load
 
 
 def _settled_distance(model: mujoco.MjModel, load: Load, start: mujoco.MjData) -> Floats:

@@ -132,10 +132,10 @@ def with_values(drive: Drive, values: Mapping[str, object]) -> Drive:
     """Return a drive with the values of axes. Raises a SceneError for a number it does not have."""
     if not values:
         return drive
-    known = drive_settings(drive)
+    setting_names = drive_settings(drive)
     for name in values:
         message = f"{name}: the drive {drive_text(drive)} has no such number"
-        SceneError.unless_known(name, known, message, "; `drive` sets the drive of a run")
+        SceneError.unless_known(name, setting_names, message, "; `drive` sets the drive of a run")
     assert not isinstance(drive, str)
     data = drive.model_dump()
     for name, value in values.items():

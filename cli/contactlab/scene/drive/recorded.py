@@ -42,7 +42,7 @@ class RecordedTable:
 
         `columns` has the column of each name of an input, joint or body.
         """
-        found, mistakes = dict[int, str](), list[str]()
+        columns_by_place, mistakes = dict[int, str](), list[str]()
         for name, column in columns.items():
             if column not in self.columns:
                 mistakes.append(self.missing_column_text(column))
@@ -50,8 +50,8 @@ class RecordedTable:
             if isinstance(place, str):
                 mistakes.append(place)
             elif column in self.columns:
-                found[place] = column
-        return found, mistakes
+                columns_by_place[place] = column
+        return columns_by_place, mistakes
 
     def missing_column_text(self, column: str) -> str:
         """Return the message for a missing column."""
@@ -82,7 +82,7 @@ class RecordedInputs:
         return self.signals.at_steps(timestep)
 
 
-def read_recorded(model: mujoco.MjModel, table: RecordedTable, *, held: bool) -> RecordedInputs:
+def read_recorded(model: mujoco.MjModel, table: RecordedTable, *, is_held: bool) -> RecordedInputs:
     """Return the inputs of runs of a model in a table; its first row is their start.
 
     Each row is held until the next, or linearly interpolated. A SceneError says that there is no
@@ -92,17 +92,21 @@ def read_recorded(model: mujoco.MjModel, table: RecordedTable, *, held: bool) ->
     name, columns = table.name, table.columns
     if TIME not in columns or not len(columns[TIME]):
         raise SceneError(f"{name}: no rows, or no column `{TIME}` [s]; add both")
-    found, mistakes = table.match_columns(
+    columns_by_place, mistakes = table.match_columns(
         model, {column: column for column in columns if column != TIME}
     )
     times = columns[TIME] - columns[TIME][0]
-    for column in (TIME, *found.values()):
+    for column in (TIME, *columns_by_place.values()):
         if (bad := np.flatnonzero(~np.isfinite(columns[column]))).size:
             mistakes.append(f"row {bad[0] + 1} of column `{column}` is not a finite number")
     if (back := np.flatnonzero(np.diff(times) < 0)).size:
         mistakes.append(f"`{TIME}` decreases in row {back[0] + 2}; sort the rows by time")
     first = part_starts(model)["ctrl"]
-    driven = {place - first: columns[column] for place, column in found.items() if place >= first}
+    driven = {
+        place - first: columns[column]
+        for place, column in columns_by_place.items()
+        if place >= first
+    }
     if not (driven or mistakes):
         mistakes.append(
             "no column is an actuator, BODY.fx to .tz, or MOCAP_BODY.x to .qz; name at least one"
@@ -110,11 +114,11 @@ def read_recorded(model: mujoco.MjModel, table: RecordedTable, *, held: bool) ->
     if mistakes:
         raise SceneError("\n".join(f"{name}: {mistake}" for mistake in mistakes))
     start: list[tuple[str, int, float]] = []
-    for place in (place for place in found if place < first):
+    for place in (place for place in columns_by_place if place < first):
         part, index = ("qpos", place) if place < model.nq else ("qvel", place - model.nq)
-        start.append((part, index, float(columns[found[place]][0])))
+        start.append((part, index, float(columns[columns_by_place[place]][0])))
     signals = Signals(np.array(list(driven), np.intp), times[None], np.array(list(driven.values())))
-    if held:
+    if is_held:
         times, levels = np.repeat(signals.times, 2, axis=1)[:, 1:], signals.levels
         signals = Signals(signals.places, times, np.repeat(levels, 2, axis=1)[:, :-1])
     return RecordedInputs(name, signals, tuple(start))
@@ -126,7 +130,7 @@ def _find_place(model: mujoco.MjModel, column: str, columns: Collection[str]) ->
     sizes = {"ctrl": model.nu, "qpos": model.nq, "qvel": model.nv}
     if element and int(element[2]) < sizes[element[1]]:
         return part_starts(model)[element[1]] + int(element[2])
-    known = coordinate_indices(model) | mocap_coordinates(model)
+    input_places = coordinate_indices(model) | mocap_coordinates(model)
     # Joints that exactly one actuator moves.
     movers: dict[str, list[str]] = {}
     for actuator in range(model.nu):
@@ -134,16 +138,18 @@ def _find_place(model: mujoco.MjModel, column: str, columns: Collection[str]) ->
             joint = model.joint(int(model.actuator_trnid[actuator, 0])).name
             movers.setdefault(joint, []).append(model.actuator(actuator).name)
     joints = {joint: names[0] for joint, names in movers.items() if len(names) == 1}
-    if f"{column}.ctrl" in known:
-        return known[f"{column}.ctrl"]
-    if column in joints and f"{joints[column]}.ctrl" not in known:
-        return known[column]
+    if f"{column}.ctrl" in input_places:
+        return input_places[f"{column}.ctrl"]
+    if column in joints and f"{joints[column]}.ctrl" not in input_places:
+        return input_places[column]
     if column in joints and not {joints[column], f"{joints[column]}.ctrl"} & set(columns):
-        return known[f"{joints[column]}.ctrl"]
-    if (place := known.get(column.removesuffix(".qpos"))) is not None:
+        return input_places[f"{joints[column]}.ctrl"]
+    if (place := input_places.get(column.removesuffix(".qpos"))) is not None:
         return place
-    names = [heading.removesuffix(".ctrl") for heading in known]
-    some = [name for name in names if "." not in name] or sorted(known, key=known.__getitem__)
+    names = [heading.removesuffix(".ctrl") for heading in input_places]
+    some = [name for name in names if "." not in name] or sorted(
+        input_places, key=input_places.__getitem__
+    )
     such = f"; name them such as {', '.join(some[:4])}" if some else ""
     close = did_you_mean(column, names) or such
     return f"column `{column}` is not an actuator, joint or body of the model{close}"

@@ -79,19 +79,19 @@ def neutral_controls(model: mujoco.MjModel, qpos: Floats) -> Floats:
     limited = np.asarray(model.actuator_ctrllimited).astype(bool)
     outside = limited & ((low > 0) | (high < 0))
     controls = np.where(outside, (low + high) / 2, 0.0)
-    held = np.flatnonzero(
+    position_actuators = np.flatnonzero(
         (np.asarray(model.actuator_gaintype) == _FIXED_GAIN)
         & (np.asarray(model.actuator_biastype) == _AFFINE_BIAS)
         & (np.asarray(model.actuator_dyntype) != _INTEGRATOR_DYNAMICS)
         & (np.asarray(model.actuator_biasprm)[:, 1] < 0)
         & (np.asarray(model.actuator_gainprm)[:, 0] > 0)
     )
-    if not held.size or np.array_equal(qpos, model.qpos0):
+    if not position_actuators.size or np.array_equal(qpos, model.qpos0):
         return controls
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     mujoco.mj_fwdPosition(model, data)
-    for actuator in held:
+    for actuator in position_actuators:
         control = _servo_control(model, int(actuator), data.actuator_length[actuator])
         ends = (low[actuator], high[actuator]) if limited[actuator] else (-np.inf, np.inf)
         controls[actuator] = np.clip(control, *ends)
@@ -130,16 +130,16 @@ def excitation_signals(
     middle, reach = (low + high) / 2, 0.7 * (high - low) / 2
 
     control_rate = 50.0  # changes of the controls [Hz], as of a policy; they are held in between
-    held = np.arange(max(int(np.ceil((end - begin) * control_rate)), 1)) / control_rate
+    hold_times = np.arange(max(int(np.ceil((end - begin) * control_rate)), 1)) / control_rate
     push_time = 0.05  # duration of a push [s]
     push_moments = 8  # different times of pushes: each adds two knots to the signals of all
     moments = random.uniform(0, 1, push_moments) * max(end - begin - 2 * push_time, 0.0) / 2
     bodies = pushed_bodies(model)
     own = np.arange(len(bodies)) % push_moments
     edges = [moments[np.unique(own)], moments[np.unique(own)] + push_time] if len(bodies) else []
-    times = np.unique(np.concatenate([held, *edges]))
+    times = np.unique(np.concatenate([hold_times, *edges]))
     # A control is constant between its own knots; the pushes of bodies have knots in between.
-    since = held[np.searchsorted(held, times, side="right") - 1]
+    since = hold_times[np.searchsorted(hold_times, times, side="right") - 1]
 
     waves = np.sin(2 * np.pi * hertz[:, None] * since + phases[:, None])
     # Growth time of sines to full amplitude [s].
@@ -162,9 +162,11 @@ def excitation_signals(
     levels = np.concatenate([controls, pushes])
     before = np.concatenate([rest, np.zeros(len(pushes))])
     knots = np.repeat(begin + times, 2)
-    known = np.concatenate([before[:, None], levels], axis=1)
+    knot_levels = np.concatenate([before[:, None], levels], axis=1)
     return Signals(
-        np.concatenate(places).astype(np.intp), knots[None], np.repeat(known, 2, axis=1)[:, 1:-1]
+        np.concatenate(places).astype(np.intp),
+        knots[None],
+        np.repeat(knot_levels, 2, axis=1)[:, 1:-1],
     )
 
 

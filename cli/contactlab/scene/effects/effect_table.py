@@ -293,9 +293,9 @@ def left_uncompiled(facts: ModelFacts, request: EffectRequest) -> frozenset[str]
     out: set[str] = set()
     if facts.sensors and not requested.get("sensor", default):
         out.add("sensor")
-    read = facts.sensors and "sensor" not in out
-    named = any(name.startswith("tendon_") for name in request.changed_settings)
-    spare = facts.tendons and facts.idle_tendons and not read and not named
+    reads_sensors = facts.sensors and "sensor" not in out
+    sets_tendon = any(name.startswith("tendon_") for name in request.changed_settings)
+    spare = facts.tendons and facts.idle_tendons and not reads_sensors and not sets_tendon
     if spare and not requested.get("tendon", default):
         out.add("tendon")
     if not requested.get("energy", True):

@@ -70,8 +70,8 @@ class ModelFacts:
             return None
         weld = np.asarray(model.body_weldid)[model.geom_bodyid]
         filtered = np.argwhere(np.triu(mask_overlap(model) & (weld[:, None] != weld), 1))
-        listed = np.stack([model.pair_geom1, model.pair_geom2], axis=1)
-        return np.concatenate([filtered, listed]).astype(np.intp)
+        listed_pairs = np.stack([model.pair_geom1, model.pair_geom2], axis=1)
+        return np.concatenate([filtered, listed_pairs]).astype(np.intp)
 
     @cached_property
     def kinds(self) -> frozenset[tuple[int, int]] | None:
