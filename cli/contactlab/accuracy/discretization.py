@@ -46,11 +46,11 @@ def reference_families(
 
     `controls` are hashes of the actions of policies in runs, by id; a reference repeats them.
     """
-    found: dict[tuple[str, str | None], list[str]] = {}
+    families: dict[tuple[str, str | None], list[str]] = {}
     for run_id, model in models.items():
         shared = scene.run_id(with_reference_numerics(model, "RK4", 1.0))
-        found.setdefault((shared, controls.get(run_id)), []).append(run_id)
-    return list(found.values())
+        families.setdefault((shared, controls.get(run_id)), []).append(run_id)
+    return list(families.values())
 
 
 def reference_steps(
@@ -105,12 +105,15 @@ def discretization_errors(
     notes = [
         compare(reference, run, run_times) for run, run_times in zip(family, times, strict=True)
     ]
-    found: dict[str, object] = {"integrator": reference.integrator, "timestep": reference.timestep}
+    shared_fields: dict[str, object] = {
+        "integrator": reference.integrator,
+        "timestep": reference.timestep,
+    }
     if not local:
-        found["divergence"] = divergence = reference.chaos_divergence()
+        shared_fields["divergence"] = divergence = reference.chaos_divergence()
         errors = [note["trajectory"] for note in notes if note]
         if divergence is None or not errors:
-            found["chaotic"] = None
+            shared_fields["chaotic"] = None
         else:
             # A family is chaotic if a start 1e-8 away diverges by a visible share of the model's
             # extent, and by as much as the runs' errors or as the reference's own estimate shows.
@@ -119,8 +122,8 @@ def discretization_errors(
             hides_errors = divergence >= error_share * float(np.median(peaks))
             above_estimate = divergence >= estimate_multiple * errors[0]["estimate"]
             visible = divergence >= extent_share * float(reference.fine.prepared.model.stat.extent)
-            found["chaotic"] = visible and (hides_errors or above_estimate)
-    return [{**note, **found} for note in notes]
+            shared_fields["chaotic"] = visible and (hides_errors or above_estimate)
+    return [{**note, **shared_fields} for note in notes]
 
 
 def _common_times(run: PlannedModel, samples: int, *, to_the_end: bool) -> _ComparisonTimes:
@@ -195,16 +198,18 @@ def run_accuracies(
     if request.error != "auto":
         kind = request.error
     else:
-        known = [note["chaotic"] for note in notes.values() if note.get("chaotic") is not None]
-        kind = "invariants" if sum(known) > len(known) / 2 else "trajectory"
+        chaotic_flags = [
+            note["chaotic"] for note in notes.values() if note.get("chaotic") is not None
+        ]
+        kind = "invariants" if sum(chaotic_flags) > len(chaotic_flags) / 2 else "trajectory"
     rules = solref_rules(runs)
-    found: dict[str, Accuracy] = {}
+    accuracies: dict[str, Accuracy] = {}
     for run_id, resolved in runs.items():
         note = notes.get(run_id, _EMPTY_NOTE)
         error = note.get(kind, _EMPTY_NOTE)
         prepared = scene.base_of(resolved).prepare(resolved.edits())
         solrefs = [pair.solref for pair in prepared.pairs.values()]
-        found[run_id] = Accuracy(
+        accuracies[run_id] = Accuracy(
             **{f"error_{name}": error.get(name) for name in _ERROR_FIELDS},
             error_velocity=note.get("velocity"),
             error_energy=note.get("invariants", _EMPTY_NOTE).get("mean"),
@@ -218,7 +223,7 @@ def run_accuracies(
             solref_clamped=resolved.flags["refsafe"]
             and any(refsafe_solref(solref, resolved.timestep) != solref for solref in solrefs),
         )
-    return found
+    return accuracies
 
 
 def solref_rules(runs: Mapping[str, RunSpec]) -> dict[str, SolrefRule | None]:
@@ -232,10 +237,10 @@ def solref_rules(runs: Mapping[str, RunSpec]) -> dict[str, SolrefRule | None]:
         values = {name: run.values[name] for name in run.values.keys() - {"timestep", "solref"}}
         shared = (sorted(values.items()), sorted(run.flags.items()), run.seed, run.duration)
         groups.setdefault(repr(shared), []).append(run_id)
-    found: dict[str, SolrefRule | None] = {}
+    rules: dict[str, SolrefRule | None] = {}
     for run_ids in groups.values():
-        found |= dict.fromkeys(run_ids, _solref_rule([runs[run_id] for run_id in run_ids]))
-    return found
+        rules |= dict.fromkeys(run_ids, _solref_rule([runs[run_id] for run_id in run_ids]))
+    return rules
 
 
 def _solref_rule(runs: Sequence[RunSpec]) -> SolrefRule | None:

@@ -120,9 +120,9 @@ def with_reference_numerics(run: RunSpec, integrator: str, timestep: float) -> R
     chosen = {**NUMERICS, "integrator": integrator, "timestep": timestep}
     settings = Settings({name: chosen.get(name, value) for name, value in run.settings.items()})
     flags = {name: bool(chosen.get(name, state)) for name, state in run.flags.items()}
-    written = {name for name in chosen if name in settings or name in flags}
+    changed_names = {name for name in chosen if name in settings or name in flags}
     return replace(
-        run, settings=settings, flags=flags, changed_settings=run.changed_settings | written
+        run, settings=settings, flags=flags, changed_settings=run.changed_settings | changed_names
     )
 
 
@@ -188,15 +188,17 @@ class Family:
 
     def find_reference(self, times: Floats, timestep: float) -> "ReferenceSolution | None":
         """Return the reference with a coarse timestep [s], or None if it has no solution."""
-        found: list[ReferenceSolution] = []
+        solutions: list[ReferenceSolution] = []
         for integrator in _INTEGRATORS:
             fine = self.solve_at(integrator, timestep / 2, times)
             coarse = fine and self.solve_at(integrator, timestep, times)
             if fine and coarse:
-                found.append(ReferenceSolution(self, integrator, timestep / 2, times, fine, coarse))
-                if found[-1].estimate <= fine.prepared.model.stat.extent:
+                solutions.append(
+                    ReferenceSolution(self, integrator, timestep / 2, times, fine, coarse)
+                )
+                if solutions[-1].estimate <= fine.prepared.model.stat.extent:
                     break
-        return min(found, key=lambda reference: reference.estimate, default=None)
+        return min(solutions, key=lambda reference: reference.estimate, default=None)
 
 
 @dataclass(frozen=True)

@@ -110,28 +110,34 @@ class InterleavedTimer:
         finished or skipped turns.
         """
         silence_mujoco()
-        counted = {run_id: _decode_work(work[run_id]) for run_id in runs}
+        counted_work = {run_id: _decode_work(work[run_id]) for run_id in runs}
         shares = {run_id: len(group) for group in groups for run_id in group}
-        taken: dict[str, list[tuple[float, float, float]]] = {run_id: [] for run_id in shares}
+        run_times: dict[str, list[tuple[float, float, float]]] = {run_id: [] for run_id in shares}
 
-        def timed(run_id: str) -> tuple[TimesSteps, Segments]:
+        def time_run(run_id: str) -> tuple[TimesSteps, Segments]:
             resolved = runs[run_id]
-            return _timing_engine(resolved), self._timed_segments(run_id, resolved, counted[run_id])
+            return _timing_engine(resolved), self._timed_segments(
+                run_id, resolved, counted_work[run_id]
+            )
 
         with _no_garbage_collection():
             portions = {
-                run_id: _choose_portion(*timed(run_id), share) for run_id, share in shares.items()
+                run_id: _choose_portion(*time_run(run_id), share)
+                for run_id, share in shares.items()
             }
             for later in reversed(range(self.rounds)):
                 for run_id in chain(*groups):
-                    taken[run_id].append(_measure_times(*timed(run_id), portions[run_id]))
+                    run_times[run_id].append(_measure_times(*time_run(run_id), portions[run_id]))
                     advance(1)
                 before = sum(map(len, groups))
                 groups = select(
-                    {key: median(time for time, *_ in found) for key, found in taken.items()}
+                    {
+                        key: median(time for time, *_ in measured_times)
+                        for key, measured_times in run_times.items()
+                    }
                 )
                 advance(later * (before - sum(map(len, groups))))
-        for run_id, rounds in taken.items():
+        for run_id, rounds in run_times.items():
             times, p50, p99 = zip(*rounds, strict=True)
             medians = (median(samples) for samples in (times, p50, p99))
             clocked = (min(times), *medians, self._compiled_model(runs[run_id])[1])
@@ -208,13 +214,14 @@ def run_timings(
         **({"contenders": True} if request.contenders else {}),
     }
     settings_hash = hashlib.sha256(json.dumps(settings).encode()).hexdigest()[:16]
-    found: dict[str, Timing] = {}
+    timings: dict[str, Timing] = {}
     for run_id, resolved in runs.items():
-        counted, clocked = work.get(run_id) or {}, times.get(run_id) or {}
+        counted_work, clocked = work.get(run_id) or {}, times.get(run_id) or {}
         simulated = resolved.steps * resolved.timestep
         rates = {
-            f"work_{name}": counted[name] / simulated if counted else None for name in _WORK_FIELDS
+            f"work_{name}": counted_work[name] / simulated if counted_work else None
+            for name in _WORK_FIELDS
         }
         columns = {name: clocked.get(name) for name in _TIME_FIELDS}
-        found[run_id] = Timing(**columns, **rates, timing_settings=settings_hash)
-    return found
+        timings[run_id] = Timing(**columns, **rates, timing_settings=settings_hash)
+    return timings

@@ -36,7 +36,9 @@ def judged_share_check(paired: PairedStores, gated: PairedStores) -> Finding:
     if any(is_too_little(paired, n, total) for n, total, _, _ in unjudged_counts):
         least = format_percent(paired.policy.least_judged)
         return subject.skipped(f"{'; '.join(phrases)}; at least {least} must be judged")
-    return subject.single(SAME, "; ".join(phrases) or "all of the candidate", judged=pairs - apart)
+    return subject.single(
+        SAME, "; ".join(phrases) or "all of the candidate", judged_count=pairs - apart
+    )
 
 
 def unless_unjudged(

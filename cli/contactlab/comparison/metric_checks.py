@@ -131,7 +131,7 @@ class MetricPairs:
             all_verdicts = np.concatenate([all_verdicts, verdict])
             parts.insert(0, _format_statistic(rule, verdict, *statistic, subject.unit))
         return subject.finding(
-            all_verdicts, "; ".join(parts), self._find_worst(rule, verdicts), judged=runs
+            all_verdicts, "; ".join(parts), self._find_worst(rule, verdicts), judged_count=runs
         )
 
     def _find_worst(self, rule: EffectiveRule, verdicts: Verdicts) -> list[RunPair]:
@@ -298,7 +298,9 @@ def remeasured_check(paired: PairedStores, request: Remeasure) -> Finding:
     worst = int(np.argmax(ratios))
     then, now = times[worst]
     worst_pair = pairs[worst].model_copy(update={"baseline": then, "candidate": now})
-    return subject.single(code, message, [worst_pair] if code != SAME else [], judged=len(ratios))
+    return subject.single(
+        code, message, [worst_pair] if code != SAME else [], judged_count=len(ratios)
+    )
 
 
 def _time_pair(before: RunTimer, after: RunTimer, pair: RunPair) -> tuple[float, float]:

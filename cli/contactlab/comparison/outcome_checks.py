@@ -62,7 +62,7 @@ def outcome_checks(paired: PairedStores, against: str = _BASELINE) -> Iterator[F
     if compared is not None:
         (low, high), message, pair_count = compared
         code = WORSE if high < -rules.tolerance else BETTER if low > 0 else SAME
-        checked = subject.single(code, message, judged=pair_count)
+        checked = subject.single(code, message, judged_count=pair_count)
         yield unless_unjudged(paired, subject, checked, knows & ~knew, knows)
     elif knows.any():
         yield subject.skipped(f"no run of {against} says how it ended")
@@ -79,7 +79,9 @@ def controlled_checks(by_control: PairedStores, of_control: PairedStores) -> Ite
     if compared is not None:
         (low, high), message, pair_count = compared
         subject = Subject("control as the baseline", "outcomes", "warn", two_sided=True)
-        yield subject.single(SAME if low <= 0 <= high else CHANGED, message, judged=pair_count)
+        yield subject.single(
+            SAME if low <= 0 <= high else CHANGED, message, judged_count=pair_count
+        )
 
 
 _Compared = tuple[tuple[float, float], str, int]

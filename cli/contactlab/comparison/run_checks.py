@@ -95,7 +95,7 @@ def knife_edge_check(paired: PairedStores) -> Finding:
         allowed = format_percent(rules.max_share)
         message = f"{out_of(after, total)}, {before:,} in the baseline ({allowed} may be)"
         message += f"; {plural(excluded)} set apart" if excluded else ""
-    return subject.single(WORSE if too_many else SAME, message, judged=total)
+    return subject.single(WORSE if too_many else SAME, message, judged_count=total)
 
 
 @dataclass(frozen=True)

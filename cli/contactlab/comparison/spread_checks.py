@@ -64,14 +64,14 @@ def spread_expectation_checks(paired: PairedStores) -> Iterator[Finding]:
 def _share_finding(subject: Subject, gained: Mask, lost: Mask, pairs: int, word: str) -> Finding:
     new, lost_count = int(gained.sum()), int(lost.sum())
     if not new and not lost_count:
-        return subject.single(SAME, f"as often in {plural(pairs)}", judged=pairs)
+        return subject.single(SAME, f"as often in {plural(pairs)}", judged_count=pairs)
     low, high = paired_difference(new, lost_count, pairs)
     code = WORSE if low > 0 else BETTER if high < 0 else SAME
     message = (
         f"{out_of(new, pairs)} newly {word}, {lost_count:,} no longer: {low:+.0%} to {high:+.0%} "
         f"with {format_percent(SURE)}"
     )
-    return subject.single(code, message, judged=pairs)
+    return subject.single(code, message, judged_count=pairs)
 
 
 def spread_metric_checks(paired: PairedStores) -> Iterator[Finding]:
@@ -124,12 +124,12 @@ def spread_finding(
     )
     if paired_difference(lost_count, new, pairs)[0] > 0:
         return subject.single(
-            MISSING, f"{out_of(lost_count, pairs)} without a value now", judged=pairs
+            MISSING, f"{out_of(lost_count, pairs)} without a value now", judged_count=pairs
         )
     both = before.valid & after.valid
     tolerances, shares = _find_changes(rule, before.values[both], after.values[both])
     if not len(tolerances):
-        return subject.single(SAME, "no pair has two values", judged=pairs)
+        return subject.single(SAME, "no pair has two values", judged_count=pairs)
     low, high = median_interval(tolerances.tolist(), sure)
     enough = _pairs_for(sure)
     code = SAME
@@ -149,7 +149,7 @@ def spread_finding(
     if len(tolerances) < enough:
         code = SAME
         message += f"; {plural(enough, 'pair')} would tell, there are {len(tolerances)}"
-    return subject.single(code, message, judged=pairs)
+    return subject.single(code, message, judged_count=pairs)
 
 
 def _share_text(share: float) -> str:

@@ -16,34 +16,39 @@ def expectation_findings(store: Store) -> Iterator[Finding]:
     """Yield the findings on finished runs, expected runs and expected means."""
     manifest = store.manifest
     lost = manifest.statuses.get("crashed", 0) + manifest.statuses.get("timeout", 0)
-    said = f"{out_of(lost, manifest.runs)} crashed or timed out" if lost else "all did"
+    summary = f"{out_of(lost, manifest.runs)} crashed or timed out" if lost else "all did"
     # A sweep may expect invalid runs.
-    met, unmet = (manifest.expectations.get(name, 0) for name in ("met", "unmet"))
-    all_invalid = manifest.labels.get("invalid", 0) == manifest.runs and not met
+    met_count, unmet = (manifest.expectations.get(name, 0) for name in ("met", "unmet"))
+    all_invalid = manifest.labels.get("invalid", 0) == manifest.runs and not met_count
     if not lost and all_invalid:
         first = store.columns.arrow(["label_reason"])["label_reason"][:1].to_pylist()
         reason = next(filter(None, first), "without a reason")
-        lost, said = manifest.runs, f"all {manifest.runs:,} runs are invalid: {reason}"
-    yield _make_finding(RUNS, "runs", manifest.runs, lost, said)
-    rest = manifest.runs - met - unmet
-    said = f"{met:,} of {met + unmet:,} runs are as expected"
-    said += f"; {rest:,} have no expectation" if rest else ""
-    said = said if met + unmet else "no expectations defined"
-    yield _make_finding(EXPECTED, "labels", met + unmet, unmet, said, _unmet_runs(store))
+        lost, summary = manifest.runs, f"all {manifest.runs:,} runs are invalid: {reason}"
+    yield _make_finding(RUNS, "runs", manifest.runs, lost, summary)
+    rest = manifest.runs - met_count - unmet
+    summary = f"{met_count:,} of {met_count + unmet:,} runs are as expected"
+    summary += f"; {rest:,} have no expectation" if rest else ""
+    summary = summary if met_count + unmet else "no expectations defined"
+    yield _make_finding(EXPECTED, "labels", met_count + unmet, unmet, summary, _unmet_runs(store))
     if means := manifest.unmet_means:
         yield _make_finding(MEANS, "metrics", len(means), len(means), "; ".join(means))
 
 
 def _make_finding(
-    name: str, kind: str, judged: int, failing: int, message: str, worst: tuple[RunPair, ...] = ()
+    name: str,
+    kind: str,
+    judged_count: int,
+    failing: int,
+    message: str,
+    worst: tuple[RunPair, ...] = (),
 ) -> Finding:
     return Finding(
         name=name,
         kind=kind,
-        level="gate" if judged else "note",
-        outcome="failed" if failing else "passed" if judged else "skipped",
-        verdict="unmet" if failing else "met" if judged else "not applicable",
-        judged=judged,
+        level="gate" if judged_count else "note",
+        outcome="failed" if failing else "passed" if judged_count else "skipped",
+        verdict="unmet" if failing else "met" if judged_count else "not applicable",
+        judged=judged_count,
         failing=failing,
         message=message,
         worst=worst,
@@ -61,10 +66,10 @@ def _unmet_runs(store: Store) -> tuple[RunPair, ...]:
     return tuple(
         RunPair(
             baseline_run=None,
-            candidate_run=told["run_id"],
-            axes={name: told[name] for name in columns.axis_names},
+            candidate_run=row["run_id"],
+            axes={name: row[name] for name in columns.axis_names},
             baseline="",
-            candidate=f"{told['label']}: {told['expectation_reason']}",
+            candidate=f"{row['label']}: {row['expectation_reason']}",
         )
-        for told in columns.select_values(names, rows)
+        for row in columns.select_values(names, rows)
     )

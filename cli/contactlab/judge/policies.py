@@ -35,13 +35,13 @@ def check_names(policy: ComparePolicy, metrics: Iterable[str], labels: Iterable[
     moved = [
         name for transition in policy.labels.allow for name in (transition.from_, transition.to)
     ]
-    for what, kind, names, known in (
+    for what, kind, names, known_names in (
         ("has a rule for", "metric", ruled, [*metrics, REMEASURED]),
         ("allows a transition of", "label", moved, list(labels)),
     ):
         for name in names:
             message = f"the policy {what} '{name}', but the stores have no such {kind}"
-            PolicyError.unless_known(name, known, message)
+            PolicyError.unless_known(name, known_names, message)
 
 
 @dataclass(frozen=True)
@@ -87,5 +87,5 @@ def _rank_pattern(pattern: str) -> tuple[bool, int]:
 
 def kind_of(name: str) -> Literal["time", "metrics"]:
     """Return whether a metric is measured by the clock or by the physics."""
-    timed = [pattern for pattern, rule in _DEFAULTS.items() if rule is _TIME]
-    return "time" if any(fnmatchcase(name, pattern) for pattern in timed) else "metrics"
+    time_patterns = [pattern for pattern, rule in _DEFAULTS.items() if rule is _TIME]
+    return "time" if any(fnmatchcase(name, pattern) for pattern in time_patterns) else "metrics"

@@ -44,9 +44,14 @@ class Subject:
     two_sided: bool = False
 
     def finding(
-        self, verdicts: Verdicts, message: str, worst: Pairs = (), *, judged: int | None = None
+        self,
+        verdicts: Verdicts,
+        message: str,
+        worst: Pairs = (),
+        *,
+        judged_count: int | None = None,
     ) -> Finding:
-        """Return the finding that verdicts (n,) make; `judged` is their number, if not n.
+        """Return the finding that verdicts (n,) make; `judged_count` is their number, if not n.
 
         The finding has the first few of the worst pairs.
         """
@@ -61,7 +66,7 @@ class Subject:
             level=self.level,
             outcome=self._judge_counts(counts, failing, len(verdicts)),
             verdict=NAMES[int(verdicts.max(initial=SAME))],
-            judged=len(verdicts) if judged is None else judged,
+            judged=len(verdicts) if judged_count is None else judged_count,
             failing=failing,
             counts=counts,
             message=message,
@@ -69,17 +74,23 @@ class Subject:
             worst=tuple(worst[:MOST_SHOWN]),
         )
 
-    def single(self, code: int, message: str, worst: Pairs = (), *, judged: int = 0) -> Finding:
+    def single(
+        self, code: int, message: str, worst: Pairs = (), *, judged_count: int = 0
+    ) -> Finding:
         """Return the finding that one verdict on both stores as a whole makes."""
-        return self.finding(np.full(1, code, dtype=np.int8), message, worst, judged=judged)
+        return self.finding(
+            np.full(1, code, dtype=np.int8), message, worst, judged_count=judged_count
+        )
 
     def skipped(self, reason: str) -> Finding:
         """Return the finding of a comparison that was skipped."""
         none = self.finding(np.zeros(0, dtype=np.int8), reason)
         return none.model_copy(update={"outcome": "skipped", "verdict": "not comparable"})
 
-    def _judge_counts(self, counts: Mapping[Verdict, int], failing: int, judged: int) -> Outcome:
-        if "not comparable" in counts or failing > self.budget * judged:
+    def _judge_counts(
+        self, counts: Mapping[Verdict, int], failing: int, judged_count: int
+    ) -> Outcome:
+        if "not comparable" in counts or failing > self.budget * judged_count:
             return OUTCOMES[self.level]
         if failing:
             return "noted" if self.level == "note" else "warned"

@@ -30,12 +30,14 @@ def waivers_for(
     """
     if not reason.strip():
         raise PolicyError('a waiver needs a reason: --reason "..."')
-    named = [finding for finding in findings if finding.name == name]
+    findings_of_name = [finding for finding in findings if finding.name == name]
     names = [finding.name for finding in findings]
     PolicyError.unless_known(name, names, f"there is no check '{name}'")
-    failing = [finding for finding in named if finding.outcome in _FAILING]
+    failing = [finding for finding in findings_of_name if finding.outcome in _FAILING]
     if not failing:
-        raise PolicyError(f"'{name}' did not fail ({named[0].message}): nothing to waive")
+        raise PolicyError(
+            f"'{name}' did not fail ({findings_of_name[0].message}): nothing to waive"
+        )
     reason = reason.strip()
     return [
         Waiver(
@@ -59,12 +61,12 @@ def add_waivers(path: Path, waivers: Sequence[Waiver]) -> None:
     yaml = YAML()
     yaml.preserve_quotes = True
     document = yaml.load(path.read_text(encoding="utf-8") if path.exists() else _NEW_FILE)
-    listed = document.setdefault("waive", CommentedSeq())
+    entries = document.setdefault("waive", CommentedSeq())
     for waiver in waivers:
-        named = (waiver.check, waiver.group)
-        for old in [entry for entry in listed if (entry["check"], entry.get("group")) == named]:
-            listed.remove(old)
-        listed.append(CommentedMap(waiver.model_dump(exclude_none=True)))
+        target = (waiver.check, waiver.group)
+        for old in [entry for entry in entries if (entry["check"], entry.get("group")) == target]:
+            entries.remove(old)
+        entries.append(CommentedMap(waiver.model_dump(exclude_none=True)))
     with atomic_write(path) as temporary, temporary.open("w", encoding="utf-8") as file:
         yaml.dump(document, file)
 
@@ -73,7 +75,7 @@ def apply_waivers(
     findings: Sequence[Finding],
     waivers: Sequence[Waiver],
     today: date,
-    known: Collection[str] = (),
+    known_names: Collection[str] = (),
 ) -> list[Finding]:
     """Return the findings; failed ones with a waiver become notes.
 
@@ -82,7 +84,7 @@ def apply_waivers(
     Raises:
         PolicyError: a waiver names any other check.
     """
-    names = {*known, *(finding.name for finding in findings)}
+    names = {*known_names, *(finding.name for finding in findings)}
     for waiver in waivers:
         message = f"the policy waives '{waiver.check}', which is not a check"
         PolicyError.unless_known(waiver.check, names, message)
@@ -91,11 +93,11 @@ def apply_waivers(
 
 def unused_waivers(findings: Sequence[Finding], waivers: Sequence[Waiver]) -> list[Waiver]:
     """Return the waivers of checks that were made and did not fail."""
-    made = {finding.name for finding in findings if finding.outcome != "skipped"}
+    made_checks = {finding.name for finding in findings if finding.outcome != "skipped"}
     return [
         waiver
         for waiver in waivers
-        if waiver.check in made
+        if waiver.check in made_checks
         and not any(
             finding.outcome in _FAILING or finding.waived
             for finding in findings

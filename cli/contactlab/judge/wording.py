@@ -10,10 +10,10 @@ from contactlab.shares import wilson
 
 def value_change(baseline: float, candidate: float, unit: str) -> str:
     """Return `0.1 -> 0.12 m (+20 %)`: two values and their relative change."""
-    named = format_change(baseline, candidate, unit, 4)
+    change = format_change(baseline, candidate, unit, 4)
     if baseline <= 0 or not abs(candidate / baseline) < 1e3:
-        return named
-    return f"{named} ({format_percent(candidate / baseline - 1, signed=True)})"
+        return change
+    return f"{change} ({format_percent(candidate / baseline - 1, signed=True)})"
 
 
 def format_change(before: float, after: float, unit: str, digits: int) -> str:
@@ -26,8 +26,8 @@ def format_change(before: float, after: float, unit: str, digits: int) -> str:
     scale, name = (1e3, f"m{unit}") if in_mm else (1.0, unit)
     old, new = scale * before, scale * after
     texts = format_digits(old, digits), format_digits(new, digits)
-    shown = " -> ".join(texts) if texts[0] != texts[1] else f"{old:.10g} -> {new:.10g}"
-    return shown if name in {"", "1", "any"} else f"{shown} {name}"
+    change = " -> ".join(texts) if texts[0] != texts[1] else f"{old:.10g} -> {new:.10g}"
+    return change if name in {"", "1", "any"} else f"{change} {name}"
 
 
 def share_with_interval(good: int, runs: int) -> str:

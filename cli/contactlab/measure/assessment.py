@@ -130,12 +130,12 @@ def _stable_reason(accepted: str | None) -> str:
 
 
 def _measure_metric(metric: Metric, context: Context, failures: Failures) -> Floats:
-    def measured(runs: MeasuredRuns) -> Sequence[float]:
+    def measure_runs(runs: MeasuredRuns) -> Sequence[float]:
         return metric.of(runs.context).tolist()
 
     runs = MeasuredRuns(context, {})
     name = f"metric '{metric.name}'"
-    return read_only(np.array(_measure_or_fail(name, measured, runs, failures, np.nan)))
+    return read_only(np.array(_measure_or_fail(name, measure_runs, runs, failures, np.nan)))
 
 
 def _add_causes(context: Context, run: int, labels: list[AppliedLabel]) -> Iterator[AppliedLabel]:
@@ -219,20 +219,20 @@ def needs_second_pass(context: Context) -> NDArray[np.bool_]:
     if mechanism is not None:
         along = [moves for joint in mechanism.joints for moves in _IS_TRANSLATION[joint.kind]]
         late = late / np.where(along, context.setup.size, 1.0)
-    found = _find_oscillations(context, late)
-    found |= weights_borne(context) > most[PRESSED.name]
+    is_needed = _find_oscillations(context, late)
+    is_needed |= weights_borne(context) > most[PRESSED.name]
     min_saturated_share = 0.5  # share of steps with all iterations used
-    found |= stuck_share(context) >= min_saturated_share
+    is_needed |= stuck_share(context) >= min_saturated_share
     within = most[TOLERANCE.name]
-    found |= (constraint_loss(context) > within) & (stuck_share(context) == 0)
-    found |= constraint_gain(context) > within
-    found |= (integration_gain(context) > within) | (integration_loss(context) > within)
-    found |= constraint_violation(context) > within
+    is_needed |= (constraint_loss(context) > within) & (stuck_share(context) == 0)
+    is_needed |= constraint_gain(context) > within
+    is_needed |= (integration_gain(context) > within) | (integration_loss(context) > within)
+    is_needed |= constraint_violation(context) > within
     if ranges is not None and ranges.shape[1]:
         constant = (ranges[..., 0] == ranges[..., 1]).all(axis=1)
         # Smallest speed of a moving body [rad/s, or mean body sizes a second].
         min_moving_speed = 0.1
-        found |= constant & (np.sqrt((late**2).mean(axis=(1, 2))) > min_moving_speed)
+        is_needed |= constant & (np.sqrt((late**2).mean(axis=(1, 2))) > min_moving_speed)
     changes = (np.diff(trace.contacts[:, : trace.steps // 2]) != 0).sum(axis=1)
     # Share of the first half's steps with a change of the number of contacts.
     min_rattle_share = 0.1
@@ -243,5 +243,5 @@ def needs_second_pass(context: Context) -> NDArray[np.bool_]:
     for body, rested in zip(context.setup.free_bodies, first < 0.01 * fastest, strict=True):
         # A body that falls or rolls from the start was not at rest.
         far = np.sqrt(squared_lengths(context.displacement(body))) > context.setup.size
-        found |= (rested | rattles) & far & (trace.contacts[:, :1] > 0).any(axis=1)
-    return found
+        is_needed |= (rested | rattles) & far & (trace.contacts[:, :1] > 0).any(axis=1)
+    return is_needed

@@ -38,20 +38,24 @@ def _find_violations(context: Context) -> list[_Violation]:
     mechanism, trace = context.setup.mechanism, context.trace
     if mechanism is None:
         return []
-    found = [
+    violations = [
         _limit_violation(context, part, _joint_positions(context, part))
         for part in mechanism.joints
     ]
     if trace.lengths is not None:
         of_tendons = zip(mechanism.tendons, np.moveaxis(trace.lengths, 2, 0), strict=True)
-        found += [_limit_violation(context, part, length) for part, length in of_tendons]
+        violations += [_limit_violation(context, part, length) for part, length in of_tendons]
     if trace.equality_gaps is not None:
         gaps = np.moveaxis(trace.equality_gaps, 0, 2)
         for one, (peak, rest) in zip(mechanism.equalities, gaps, strict=True):
             most = peak * np.nan if one.elastic else peak
-            found.append(_Violation(one.name, one.unit, one.scale, most, rest, bodies=one.bodies))
+            violations.append(
+                _Violation(one.name, one.unit, one.scale, most, rest, bodies=one.bodies)
+            )
     return [
-        violation for violation in found if violation is not None and np.isfinite(violation.scale)
+        violation
+        for violation in violations
+        if violation is not None and np.isfinite(violation.scale)
     ]
 
 
@@ -148,14 +152,16 @@ def constraint_violated(runs: MeasuredRuns) -> OnsetIterator:
     at_rest = "constraint_violation_rest", TOLERANCE, " at rest", quarter
     for name, judge, when, begin in ((_PEAK_THRESHOLD.name, _PEAK_THRESHOLD, "", 0), at_rest):
         for run, _, limit in runs.over(name, judge.name):
-            found = _find_violations(runs.context)
-            amounts = [violation.rest[run] if when else violation.peak[run] for violation in found]
-            scales = [violation.scale for violation in found]
+            violations = _find_violations(runs.context)
+            amounts = [
+                violation.rest[run] if when else violation.peak[run] for violation in violations
+            ]
+            scales = [violation.scale for violation in violations]
             parts = np.divide(amounts, scales)
             worst = int(np.nanargmax(parts))
-            far = (found[place] for place in runs_where(parts > limit))
+            far = (violations[place] for place in runs_where(parts > limit))
             bodies = dict.fromkeys(body for violation in far for body in violation.bodies)
-            each, most = found[worst], limit * scales[worst]
+            each, most = violations[worst], limit * scales[worst]
             reason = f"{each.name} is off by {_format_violation(amounts[worst], each.unit)}{when}"
             beyond = None if each.course is None else each.course[run, begin:] > most
             step = begin + (0 if beyond is None else first_step(beyond))

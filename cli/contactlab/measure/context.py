@@ -46,8 +46,10 @@ class StackedPairs:
         """The net quantities of each pair over time."""
         # All fields except the name.
         stacked = [getattr(self.net.series, entry.name) for entry in fields(PairSeries)[1:]]
-        named = zip(self.names, self.rows.tolist(), strict=True)
-        return tuple(PairSeries(name, *(array[row] for array in stacked)) for name, row in named)
+        rows_by_name = zip(self.names, self.rows.tolist(), strict=True)
+        return tuple(
+            PairSeries(name, *(array[row] for array in stacked)) for name, row in rows_by_name
+        )
 
 
 @dataclass(frozen=True)

@@ -165,9 +165,9 @@ def _actuator_fields(mechanism: Mechanism, trace: Trace) -> Fields:
     least, greatest = controls[:, :, 0], controls[:, :, 1]
     first = np.array([actuator.low for actuator in mechanism.actuators])
     last = np.array([actuator.high for actuator in mechanism.actuators])
-    used = np.clip(greatest, first, last) - np.clip(least, first, last)
+    travel = np.clip(greatest, first, last) - np.clip(least, first, last)
     return {
-        **_travel_fields(mechanism.actuators, least, greatest, used),
+        **_travel_fields(mechanism.actuators, least, greatest, travel),
         "force": np.abs(forces).max(axis=1),
         "saturated": at_limit.mean(axis=1),
     }

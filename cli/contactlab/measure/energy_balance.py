@@ -100,16 +100,18 @@ def constraint_gain(context: Context) -> Floats:
     first, end = stretch.astype(np.intp).T
     after = np.minimum(end + 1, last)
     risen = energy(context)[runs, after] - energy(context)[runs, first]
-    done = np.concatenate([np.zeros((trace.runs, 1, 3)), np.cumsum(trace.work, axis=1)], axis=1)
-    given = done[runs, end + 1] - done[runs, first]
-    others = given[:, ACTUATORS] + given[:, OTHERS]
-    held = (
-        np.minimum(given[:, CONSTRAINTS], risen - np.maximum(others, 0))
+    summed_work = np.concatenate(
+        [np.zeros((trace.runs, 1, 3)), np.cumsum(trace.work, axis=1)], axis=1
+    )
+    work = summed_work[runs, end + 1] - summed_work[runs, first]
+    others = work[:, ACTUATORS] + work[:, OTHERS]
+    by_constraints = (
+        np.minimum(work[:, CONSTRAINTS], risen - np.maximum(others, 0))
         - trace.constraint_gain[:, 2]
     )
-    return np.where(trace.constraint_gain[:, 2] > 0, held, given[:, CONSTRAINTS]) / _energy_scale(
-        context
-    )
+    return np.where(
+        trace.constraint_gain[:, 2] > 0, by_constraints, work[:, CONSTRAINTS]
+    ) / _energy_scale(context)
 
 
 @cached
@@ -121,8 +123,8 @@ def constraint_loss(context: Context) -> Floats:
     trace = context.trace
     if trace.work is None or not context.setup.passive:
         return context.undefined()
-    taken = -trace.work[..., CONSTRAINTS].sum(axis=1) / _energy_scale(context)
-    return np.where(trace.contacts.any(axis=1), 0, taken)
+    loss = -trace.work[..., CONSTRAINTS].sum(axis=1) / _energy_scale(context)
+    return np.where(trace.contacts.any(axis=1), 0, loss)
 
 
 @label(
@@ -157,10 +159,10 @@ def energy_loss(runs: MeasuredRuns) -> OnsetIterator:
 )
 def generous_constraints(runs: MeasuredRuns) -> OnsetIterator:
     """Contacts, limits or equalities gave more energy than they stored, unlike in their model."""
-    given, unresolved = runs.context.trace.constraint_gain, unresolved_runs(runs.context)
+    gain_of_runs, unresolved = runs.context.trace.constraint_gain, unresolved_runs(runs.context)
     for run, gain, limit in runs.over("constraint_gain", TOLERANCE.name):
         if run in unresolved:
             share = readable_fraction(gain)
             reason = f"constraints gave {share} the largest kinetic energy beyond their"
-            step = 0 if given is None else int(given[run, 1])
+            step = 0 if gain_of_runs is None else int(gain_of_runs[run, 1])
             yield run, Onset(f"{reason} stored energy (limit {limit:g})", step)

@@ -249,15 +249,15 @@ class Label:
 
     def of(self, runs: MeasuredRuns) -> list[Onset | None]:
         """Return the onset of the label for each run; None if it does not apply."""
-        found = self.rule(runs) if self.rule else ()
+        onsets = self.rule(runs) if self.rule else ()
         first: Onsets = {}
-        for run, onset in found.items() if isinstance(found, dict) else found:
+        for run, onset in onsets.items() if isinstance(onsets, dict) else onsets:
             if run not in range(runs.context.trace.runs):
                 raise ValueError(f"it names run {run} of {runs.context.trace.runs}")
-            known = first.setdefault(run, onset)
-            bodies = dict.fromkeys((*known.bodies, *onset.bodies))
-            whole = not (known.bodies and onset.bodies)
-            first[run] = known._replace(bodies=() if whole else tuple(bodies))
+            earlier = first.setdefault(run, onset)
+            bodies = dict.fromkeys((*earlier.bodies, *onset.bodies))
+            whole = not (earlier.bodies and onset.bodies)
+            first[run] = earlier._replace(bodies=() if whole else tuple(bodies))
         return [first.get(run) for run in range(runs.context.trace.runs)]
 
 
@@ -293,10 +293,10 @@ class Oracle:
     def of(self, context: Context) -> OracleResult:
         """Return the expected and measured values of every run of a context, and the error."""
         with np.errstate(all="ignore"):
-            expected, measured = self.function(context)
-            error = np.abs(measured - expected)
+            expected, observed = self.function(context)
+            error = np.abs(observed - expected)
             scale = np.abs(expected) if self.relative else 1
-            return OracleResult(expected, measured, error / scale)
+            return OracleResult(expected, observed, error / scale)
 
 
 class _WorstFirst(Registry[Label]):
@@ -335,9 +335,16 @@ def metric(
 
     def declare(function: MetricFunction) -> MetricFunction:
         usual = MetricOptions(name=function.__name__, tolerance=_UNIT_TOLERANCES.get(unit, 0.0))
-        given: MetricOptions = {**usual, **options}
+        all_options: MetricOptions = {**usual, **options}
         METRICS.add(
-            Metric(unit, better, resolution, _definition_in_docstring(function), function, **given)
+            Metric(
+                unit,
+                better,
+                resolution,
+                _definition_in_docstring(function),
+                function,
+                **all_options,
+            )
         )
         return function
 
@@ -364,9 +371,11 @@ def label(severity: Severity, **options: Unpack[LabelOptions]) -> Callable[[Labe
     """
 
     def declare(rule: LabelRule) -> LabelRule:
-        given: LabelOptions = {"name": rule.__name__, **options}
+        all_options: LabelOptions = {"name": rule.__name__, **options}
         LABELS.add(
-            Label(meaning=_definition_in_docstring(rule), severity=severity, rule=rule, **given)
+            Label(
+                meaning=_definition_in_docstring(rule), severity=severity, rule=rule, **all_options
+            )
         )
         return rule
 

@@ -95,8 +95,8 @@ def slip_distance(context: Context) -> Floats:
     if hops.any():
         slip = slip.copy()
         for place in map(tuple, np.argwhere(hops.any(axis=-1))):
-            known, gaps = np.flatnonzero(bearing(context)[place]), np.flatnonzero(hops[place])
-            slip[place][gaps] = np.interp(gaps, known, slip[place][known])
+            touching, gaps = np.flatnonzero(bearing(context)[place]), np.flatnonzero(hops[place])
+            slip[place][gaps] = np.interp(gaps, touching, slip[place][touching])
     return worst_pair(context, slip.sum(axis=-1)) * context.trace.timestep
 
 
@@ -137,13 +137,13 @@ def _creep_shares(context: Context) -> dict[str, Floats]:
     steps, mechanism, pairs = context.trace.steps, context.setup.mechanism, context.pairs
     half, late = slice(steps // 2, None), slice(3 * steps // 4, None)
     series, extents = context.net.series, context.setup.thickness[pairs.places, None, None]
-    used, slip = series.usage[..., half], series.slip[..., half]
-    held = (series.mode[..., half] == STICK) & (used > 0) & (used < HELD_USAGE)
-    held &= context.net.rolling[..., half] * extents <= slip  # A rolling body leaves the spot.
+    usage, slip = series.usage[..., half], series.slip[..., half]
+    is_held = (series.mode[..., half] == STICK) & (usage > 0) & (usage < HELD_USAGE)
+    is_held &= context.net.rolling[..., half] * extents <= slip  # A rolling body leaves the spot.
     speed = fast_median(series.slip[..., late])
     # A settling pair slows down.
     before = fast_median(series.slip[..., half.start : late.start])
-    steady = (np.abs(before - speed) < MAX_SPEED_CHANGE * speed) & (share(held) > 0.9)
+    steady = (np.abs(before - speed) < MAX_SPEED_CHANGE * speed) & (share(is_held) > 0.9)
     ways = (steady * speed)[pairs.rows]
     shares = dict(zip(pairs.names, ways / context.setup.reaches[:, None], strict=True))
     together = sum(ways, np.zeros(context.trace.runs))
@@ -194,8 +194,8 @@ def creep(runs: MeasuredRuns) -> OnsetIterator:
         reason = f"{name} sticks, but slips at {slips} (limit {most})"
         bodies = bodies_beyond(runs.context, _creep_speeds(runs.context), run, limit)
         yield run, Onset(reason, runs.context.last_fifth.start, bodies)
-    judged = not _SCENE_THRESHOLDS.isdisjoint(runs.context.setup.thresholds)
-    for run, way, limit in () if judged else runs.over("crept", RATE.name):
+    is_judged = not _SCENE_THRESHOLDS.isdisjoint(runs.context.setup.thresholds)
+    for run, way, limit in () if is_judged else runs.over("crept", RATE.name):
         crept = _creep_shares(runs.context)
         name = max(crept, key=lambda pair: np.nan_to_num(crept[pair][run]))
         reason = f"{name} sticks, but creeps by {way:.3g} of its size a second (limit {limit:g})"
@@ -240,12 +240,12 @@ def chatter(runs: MeasuredRuns) -> OnsetIterator:
     stick and slide; except for bodies that a scene declares as held.
     """
     context = runs.context
-    held, resolved = context.setup.hold is not None, resolved_runs(context)
+    has_hold, resolved = context.setup.hold is not None, resolved_runs(context)
     own = np.zeros(context.trace.runs, np.bool_) if resolved is None else resolved
     driven = own & context.setup.steered
-    masks = hold_switch_masks(context) if held else switch_masks(context)
-    masks = masks & ~(driven if held else own)[:, None]
-    between = "stick, slide and no contact in its hold" if held else "stick and slide"
+    masks = hold_switch_masks(context) if has_hold else switch_masks(context)
+    masks = masks & ~(driven if has_hold else own)[:, None]
+    between = "stick, slide and no contact in its hold" if has_hold else "stick and slide"
     # Slip between two switches of a chattering pair that hops, in half extents; trembling has
     # 0.003.
     min_hop_slip = 0.02
@@ -256,13 +256,13 @@ def chatter(runs: MeasuredRuns) -> OnsetIterator:
         tumbles = context.net.rolling[row] * extent > context.net.series.slip[row]
         run, step = np.nonzero(masks[row] & ~tumbles[:, 1:])
         event = f"{context.pairs.names[place]} switched {{}} times between {between}"
-        least = 0.0 if held or np.isinf(extent) else min_hop_slip * extent
+        least = 0.0 if has_hold or np.isinf(extent) else min_hop_slip * extent
         yield from _find_frequent(runs, row, (run, step + 1), event, least)
-    for row, gaps in () if held else _all_lost_contacts(context).items():
+    for row, gaps in () if has_hold else _all_lost_contacts(context).items():
         event = f"{context.pairs.names[context.pairs.places[row]]} lost its contact {{}} times"
         event = f"{event} while it stuck"
-        kept = ~driven[gaps.run]
-        yield from _find_frequent(runs, row, (gaps.run[kept], gaps.start[kept]), event)
+        own_gaps = ~driven[gaps.run]
+        yield from _find_frequent(runs, row, (gaps.run[own_gaps], gaps.start[own_gaps]), event)
     # Actuators that go from one end of their force to the other under constant controls.
     context, limit = runs.context, runs.limits[_MIN_EVENTS.name]
     trace, mechanism = context.trace, context.setup.mechanism
@@ -307,38 +307,38 @@ def lost_contacts(context: Context, row: int) -> Spans:
     bears, series = bearing(context)[row], context.net.series
     touch, gap = find_spans(bears), find_spans(~bears)
     inner = (gap.start > 0) & (gap.stop < bears.shape[1])
-    found = Spans(gap.run[inner], gap.start[inner], gap.stop[inner])
+    gaps = Spans(gap.run[inner], gap.start[inner], gap.stop[inner])
     if not inner.any():
-        return found
+        return gaps
     # The contacts that end where the gaps start; the next ones follow.
-    width = int(max(touch.stop.max(initial=0), found.stop.max(initial=0))) + 1
-    before = np.searchsorted(touch.run * width + touch.stop, found.run * width + found.start)
-    kept = found.stop - found.start <= touch.stop[before] - touch.start[before]
-    kept &= series.mode[row, found.run, found.start] == STICK
+    width = int(max(touch.stop.max(initial=0), gaps.stop.max(initial=0))) + 1
+    before = np.searchsorted(touch.run * width + touch.stop, gaps.run * width + gaps.start)
+    is_lost = gaps.stop - gaps.start <= touch.stop[before] - touch.start[before]
+    is_lost &= series.mode[row, gaps.run, gaps.start] == STICK
     # Two forces, torsion and two rolling torques.
     friction_fields = slice(FORCE.start + 1, TORQUE.stop)
-    for step in (found.start - 1, found.stop):
+    for step in (gaps.start - 1, gaps.stop):
         # The pair sticks, and each of its contacts is well inside its whole cone.
-        of_run = found.run[kept]
-        start = step[kept]
+        of_run = gaps.run[is_lost]
+        start = step[is_lost]
         pair = context.trace.pairs[context.pairs.places[row]]
         slots = pair.slots[of_run, start]
         acting = np.abs(slots[..., friction_fields])
         bound = slots[..., FORCE.start, None] * pair.friction[of_run][:, None]
         share = np.divide(acting, bound, out=np.zeros_like(acting), where=acting > 0)
         elliptic = context.setup.elliptic[of_run][:, None]
-        used = np.where(elliptic, np.sqrt((share * share).sum(axis=2)), share.sum(axis=2))
+        bound_share = np.where(elliptic, np.sqrt((share * share).sum(axis=2)), share.sum(axis=2))
         sticks = context.net.series.mode[row, of_run, start] == STICK
-        kept[kept] &= sticks & (used < HELD_USAGE).all(axis=1)
+        is_lost[is_lost] &= sticks & (bound_share < HELD_USAGE).all(axis=1)
     pair = context.trace.pairs[context.pairs.places[row]]
-    meeting = pair.slots[found.run[kept], found.stop[kept]]
+    meeting = pair.slots[gaps.run[is_lost], gaps.stop[is_lost]]
     speed = np.abs(meeting[..., LINEAR_VELOCITY.start]).max(axis=1, initial=0)
-    kept[kept] &= speed >= IMPACT * context.setup.pull[found.run[kept]]
-    forces, ends = series.normal[row], (before[kept], before[kept] + 1)
+    is_lost[is_lost] &= speed >= IMPACT * context.setup.pull[gaps.run[is_lost]]
+    forces, ends = series.normal[row], (before[is_lost], before[is_lost] + 1)
     peaks = [_peak_forces(forces, touch, places) for places in ends]
     min_peak_ratio = 0.99  # smallest ratio of the next to the last peak force; bounces lose more
-    kept[kept] = peaks[1] >= min_peak_ratio * peaks[0]
-    return Spans(found.run[kept], found.start[kept], found.stop[kept])
+    is_lost[is_lost] = peaks[1] >= min_peak_ratio * peaks[0]
+    return Spans(gaps.run[is_lost], gaps.start[is_lost], gaps.stop[is_lost])
 
 
 @cached
@@ -366,8 +366,8 @@ def _find_frequent(
     A hopping pair must slip by at least `least` [m] between events, in the median.
     """
     limit, fewest = runs.limits[_MODE_SWITCHES.name], runs.limits[_MIN_EVENTS.name]
-    series, held = runs.context.net.series, runs.context.setup.hold is not None
-    seconds = hold_seconds(runs.context) if held else runs.context.seconds
+    series, has_hold = runs.context.net.series, runs.context.setup.hold is not None
+    seconds = hold_seconds(runs.context) if has_hold else runs.context.seconds
     counts = np.bincount(events[0], minlength=runs.context.trace.runs)
     min_contact_share = 0.9  # a pair hops if its share of the time in contact is smaller
     # Smallest share of the time in contact that the middle half of the events of chatter spans.
@@ -379,12 +379,14 @@ def _find_frequent(
         hops = bearing(runs.context)[row, run].sum() < min_contact_share * touching.sum()
         if hops and np.median(slips) < least:
             continue
-        if held:
+        if has_hold:
             touching &= hold_window(runs.context)[run]
         # Pairs in brief contact may rattle; parts that tumble to rest switch often for a while.
         moment = min(fewest / limit / runs.context.trace.timestep[run], len(touching) / 2)
         early, late = np.quantile(steps, (0.25, 0.75))
-        if late - early >= min_event_spread * touching.sum() and (held or touching.sum() >= moment):
+        if late - early >= min_event_spread * touching.sum() and (
+            has_hold or touching.sum() >= moment
+        ):
             rate = counts[run] / seconds[run]
             reason = f"{event.format(counts[run])}, {rate:.3g} times a second (limit {limit:g})"
             place = runs.context.pairs.places[row]

@@ -96,14 +96,15 @@ def _hold_slips(context: Context) -> Floats:
 @metric("m", resolution=1e-9)
 def hold_drop(context: Context) -> Floats:
     """Distance that the subject sinks from its holder in the hold window; negative if it rises."""
-    held, inside = context.trace.held_pose, hold_window(context)
-    if held is None:
+    held_pose, inside = context.trace.held_pose, hold_window(context)
+    if held_pose is None:
         return context.undefined()
     run = np.arange(context.trace.runs)
     first = inside.argmax(axis=1)
     last = inside.shape[1] - 1 - inside[:, ::-1].argmax(axis=1)
     moved = rotate_vectors(
-        held.rotation[run, last], held.position[run, last] - held.position[run, first]
+        held_pose.rotation[run, last],
+        held_pose.position[run, last] - held_pose.position[run, first],
     )
     return np.where(inside.any(axis=1), (moved * down(context)).sum(axis=1), np.nan)
 
@@ -111,10 +112,10 @@ def hold_drop(context: Context) -> Floats:
 @metric("m", "lower", 1e-9)
 def hold_offset(context: Context) -> Floats:
     """Farthest distance of the subject in the hold window from its first position in its holder."""
-    held, inside = context.trace.held_pose, hold_window(context)
-    if held is None:
+    held_pose, inside = context.trace.held_pose, hold_window(context)
+    if held_pose is None:
         return context.undefined()
-    farthest = np.where(inside, _hold_offsets(held), 0).max(axis=1)
+    farthest = np.where(inside, _hold_offsets(held_pose), 0).max(axis=1)
     return np.where(inside.any(axis=1), farthest, np.nan)
 
 
@@ -175,15 +176,15 @@ def broken(runs: MeasuredRuns) -> OnsetIterator:
 )
 def slipping(runs: MeasuredRuns) -> OnsetIterator:
     """A body that should be held slips, leaves its place, or carries no force."""
-    window, held = hold_window(runs.context), runs.context.trace.held_pose
+    window, held_pose = hold_window(runs.context), runs.context.trace.held_pose
     share, seconds = runs.metrics["hold_contact"], hold_seconds(runs.context)
     for run in runs_where(share < runs.limits["hold_contact"]):
         reason = f"no contact carried force in {1 - share[run]:.0%} of the hold time"
         yield run, Onset(reason, first_step(window[run]))
     for run, offset, limit in runs.over("hold_offset"):
-        assert held is not None
+        assert held_pose is not None
         reason = f"it was {format_amount(offset, 'mm')} from its place in the grip in the hold time"
-        step = first_step(_hold_offsets(held)[run] > limit)
+        step = first_step(_hold_offsets(held_pose)[run] > limit)
         yield run, Onset(f"{reason} (limit {format_amount(limit, 'mm')})", step)
     reaches = runs.context.setup.reaches[runs.context.pairs.places]
     limits = _row_limits(runs, _HOLD_SLIP.name, runs.limits[TOLERANCE.name] * reaches)
@@ -225,9 +226,9 @@ def _name_and_bodies(context: Context, row: int) -> tuple[str, tuple[str, ...]]:
     return context.pairs.names[place], bodies_of_pair(context, place)
 
 
-def _hold_offsets(held: HeldPose) -> Floats:
+def _hold_offsets(held_pose: HeldPose) -> Floats:
     """Return (n, N) the distance [m] of the subject from its start position in its holder."""
-    moved = held.position - held.position[:, :1]
+    moved = held_pose.position - held_pose.position[:, :1]
     return np.sqrt((moved * moved).sum(axis=2))
 
 

@@ -55,8 +55,8 @@ def energy_gain(context: Context) -> Floats:
     values, driven = _undriven_energy(context), not context.setup.passive
     if driven and not np.isfinite(values[:, 1:]).any():
         return context.undefined()
-    given = values[:, 0] + _stored_at_start(context)
-    return (values.max(axis=1) - given) / energy_scale(context)
+    initial = values[:, 0] + _stored_at_start(context)
+    return (values.max(axis=1) - initial) / energy_scale(context)
 
 
 @metric("1/s", resolution=1e-12, tolerance=1e-3, requires="energy", equivalence=True)
@@ -213,8 +213,8 @@ def energy_injection(runs: MeasuredRuns) -> OnsetIterator:
     context = runs.context
     for run, gain, limit in runs.over("energy_gain"):
         values = _undriven_energy(context)[run]
-        given = values[0] + _stored_at_start(context)[run]
-        risen = values - given > limit * energy_scale(context)[run]
+        initial = values[0] + _stored_at_start(context)[run]
+        risen = values - initial > limit * energy_scale(context)[run]
         where, _ = largest_energy_change(context, run)
         reason = (
             f"energy rose by {readable_fraction(gain)} that at the start{where} (limit {limit:.3g})"
@@ -254,9 +254,9 @@ def asleep_unsupported(runs: MeasuredRuns) -> OnsetIterator:
         return
     limit, hair = runs.limits[TOLERANCE.name], NEGLIGIBLE_SHARE * setup.size
     for run in runs_where((sleeper[:, 1] > limit) & (sleeper[:, 0] > hair)):
-        gone, share, place, step = sleeper[run]
+        distance, share, place, step = sleeper[run]
         joint = setup.mechanism.joints[int(place)]
-        way = format_amount(gone, "mm")
+        way = format_amount(distance, "mm")
         motion = f"{joint.name} sleeps, but awake would have moved on by {way}"
         reason = f"{motion}, {share:.3g} of its path (limit {limit:g})"
         yield run, Onset(reason, int(step), joint.bodies)
@@ -339,11 +339,11 @@ def _stored_at_start(context: Context) -> Floats:
     """
     # Allowed depth of a start, as a share of the thinner body's half extent.
     start_depth_share = 0.1
-    most, given = (
+    most, gain = (
         start_depth_share * context.setup.moving_mass * gravity(context),
         context.trace.constraint_gain,
     )
-    stored = np.zeros(context.trace.runs) if given is None else np.nan_to_num(given[:, 3])
+    stored = np.zeros(context.trace.runs) if gain is None else np.nan_to_num(gain[:, 3])
     # Pairs without contact at the start store nothing, unless their force at the end is NaN.
     ends = context.net.found[..., 0].any(axis=1), context.net.series.normal[..., -1]
     for row in runs_where(np.asarray(ends[0] | ~np.isfinite(ends[1]).all(axis=1))):
@@ -361,8 +361,8 @@ def _stored_at_start(context: Context) -> Floats:
 def _names_where(context: Context, masks: Sequence[NDArray[np.bool_]]) -> tuple[str, ...]:
     """Return the names of free bodies with any true step in their mask, earliest first."""
     bodies = zip(context.setup.free_bodies, masks, strict=True)
-    held = [(first_step(mask), body.name) for body, mask in bodies if mask.any()]
-    return tuple(name for _, name in sorted(held, key=itemgetter(0)))
+    marked = [(first_step(mask), body.name) for body, mask in bodies if mask.any()]
+    return tuple(name for _, name in sorted(marked, key=itemgetter(0)))
 
 
 def _first_name(names: Sequence[str]) -> str:

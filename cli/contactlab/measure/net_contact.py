@@ -101,10 +101,10 @@ def net_contact(
     """
     shape = len(pairs), len(timestep), steps
     series, worst = np.zeros((shape[0], 9, *shape[1:])), np.zeros((shape[0], 4, shape[1]))
-    found, slots = np.zeros(shape, np.int32), np.zeros((shape[0], 1, 1), np.int32)
+    contact_counts, slots = np.zeros(shape, np.int32), np.zeros((shape[0], 1, 1), np.int32)
     for row, pair in enumerate(pairs):
-        found[row], slots[row] = pair.found, pair.slots.shape[2]
-    contacts = np.clip(found, 0, slots)
+        contact_counts[row], slots[row] = pair.found, pair.slots.shape[2]
+    contacts = np.clip(contact_counts, 0, slots)
     friction = np.array([pair.friction[:, :2] for pair in pairs]).reshape(*shape[:2], 2)
     filled = contacts.max(axis=2, initial=0)
     for group in _alike_runs(filled, elliptic, steps):
@@ -123,8 +123,10 @@ def net_contact(
     normal, tangential, usage, slip, distance, *others = np.moveaxis(series, 1, 0)
     hardest, grip, rolling, spinning = others
     mode = contact_modes(normal > 0, usage, grip, slip / pull[:, None], timestep)
-    shown = PairSeries("", contacts, normal, tangential, usage, slip, distance, mode)
-    return NetContact(shown, found, hardest, grip, rolling, spinning, *np.moveaxis(worst, 1, 0))
+    net_series = PairSeries("", contacts, normal, tangential, usage, slip, distance, mode)
+    return NetContact(
+        net_series, contact_counts, hardest, grip, rolling, spinning, *np.moveaxis(worst, 1, 0)
+    )
 
 
 def _alike_runs(
@@ -162,7 +164,7 @@ def _reduce_steps(
     columns: _SlotColumns, contacts: NDArray[np.int32], cone: _Cone, alone: Floats
 ) -> tuple[Floats, ...]:
     """Return the series (T,) of steps; `alone` (S, T) are norms of single tangential forces."""
-    normal, tangential, used, slip = _sum_slots(columns, cone)
+    normal, tangential, friction_use, slip = _sum_slots(columns, cone)
     bound = cone.friction * normal
     spin, along, across = columns.turning
     # The filled slots come first.
@@ -171,7 +173,7 @@ def _reduce_steps(
     return (
         normal,
         tangential,
-        _safe_ratio(used, bound),
+        _safe_ratio(friction_use, bound),
         slip,
         np.where(contacts > 0, least_distance, 0),
         columns.normal.max(axis=0),
@@ -225,9 +227,9 @@ def _sum_slots(columns: _SlotColumns, cone: _Cone) -> tuple[Floats, Floats, Floa
         steps = np.flatnonzero(differ)
         if len(steps):
             sums[:, steps] = _sum_in_world(columns, frame[:, :, steps], cone, steps)
-    tangential, used, impulse = sums
+    tangential, friction_use, impulse = sums
     slip = impulse / np.where(normal > 0, normal, np.inf)
-    return normal, tangential, used, slip
+    return normal, tangential, friction_use, slip
 
 
 def _sum_in_world(
@@ -246,9 +248,9 @@ def _sum_in_world(
     force = total(columns.force[:, steps])
     square = (force * force).sum(axis=0)
     along, across = ((force * axis[:, 0]).sum(axis=0) for axis in (tangent, cotangent))
-    used = cone.select_steps(steps).norm(along + 1j * across, square - along**2 - across**2)
+    friction_use = cone.select_steps(steps).norm(along + 1j * across, square - along**2 - across**2)
     impulse = total(columns.velocity[:, steps] * columns.normal[:, steps])
-    return np.stack((np.sqrt(square), used, np.sqrt((impulse * impulse).sum(axis=0))))
+    return np.stack((np.sqrt(square), friction_use, np.sqrt((impulse * impulse).sum(axis=0))))
 
 
 def _complex_modulus(pair: Complexes) -> Floats:

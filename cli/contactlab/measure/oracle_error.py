@@ -63,15 +63,15 @@ def oracle_miss(runs: MeasuredRuns) -> OnsetIterator:
     """
     setup, last = runs.context.setup, runs.context.trace.steps - 1
     names = "oracle_expected", "oracle_measured", "oracle_error"
-    expected, measured, error = (runs.metrics[name] for name in names)
-    unmet = np.isfinite(expected) & np.isnan(measured) & np.isfinite(setup.oracle_tolerance)
+    expected, observed, error = (runs.metrics[name] for name in names)
+    unmet = np.isfinite(expected) & np.isnan(observed) & np.isfinite(setup.oracle_tolerance)
     for run in runs_where(unmet | (error > setup.oracle_tolerance)):
         reason = f"{setup.oracle}: expected {expected[run]:.4g}, "
         if unmet[run]:
             reason += "but nothing could be measured, because the motion never reached it"
         else:
             limit = f"(limit {setup.oracle_tolerance:g})"
-            reason += f"measured {measured[run]:.4g}, error {error[run]:.3g} {limit}"
+            reason += f"measured {observed[run]:.4g}, error {error[run]:.3g} {limit}"
         yield run, Onset(reason, last)
     for run, error, limit in runs.over("at_rest_error", TOLERANCE.name):
         reason = f"at rest, the relative error of the requested value is {error:.3g}"

@@ -122,7 +122,7 @@ def _gains_between(context: Context, parts: int) -> list[Floats]:
     def medians(values: Floats) -> list[Floats]:
         return [fast_median(values[..., start : start + length][resting]) for start in starts]
 
-    depths, found = medians(depth), []
+    depths, gains = medians(depth), []
     loads = medians(context.net.hardest) if context.trace.pairs else depths
     for place in range(1, len(starts)):
         before = depths[place - 1]
@@ -130,9 +130,9 @@ def _gains_between(context: Context, parts: int) -> list[Floats]:
             # Contacts do not soften with depth: twice the load makes them at most twice as deep.
             load, later = loads[place - 1 : place + 1]
             before = before * np.where(later > load, later / np.where(load > 0, load, later), 1)
-        found.append(np.full(depth.shape[:2], np.nan))
-        found[-1][resting] = depths[place] - before
-    return found
+        gains.append(np.full(depth.shape[:2], np.nan))
+        gains[-1][resting] = depths[place] - before
+    return gains
 
 
 @metric("1", "lower", 1e-9, kind="detail", requires="depth")
@@ -184,10 +184,10 @@ def tunneling(runs: MeasuredRuns) -> OnsetIterator:
     A dip beyond the middle is accepted as softness if it turns back on its own side within 0.1 s,
     and the run is the motion of its model; the reason of the run then describes it.
     """
-    context, given = runs.context, runs.limits.get("pierced")
+    context, limit = runs.context, runs.limits.get("pierced")
     pierced = [
         (span.run, Onset(span.reason, span.start, bodies_of_pair(context, place)))
-        for span in (_iterate_deep_spans(context, given) if given else _deep_spans(context))
+        for span in (_iterate_deep_spans(context, limit) if limit else _deep_spans(context))
         if not span.accepted
         for place in (context.pairs.places[span.row],)
     ]
@@ -196,8 +196,8 @@ def tunneling(runs: MeasuredRuns) -> OnsetIterator:
         for run, passages in enumerate(context.trace.passages)
         for passage in passages
     ]
-    found = [*_find_crossings(context), *pierced, *passed]
-    yield from sorted(found, key=lambda placed: placed[1].step)
+    onsets = [*_find_crossings(context), *pierced, *passed]
+    yield from sorted(onsets, key=lambda placed: placed[1].step)
 
 
 @label(
@@ -270,12 +270,12 @@ def sinking(runs: MeasuredRuns) -> OnsetIterator:
 )
 def deep_penetration(runs: MeasuredRuns) -> OnsetIterator:
     """The resting penetration of a pair exceeds the limit."""
-    context, setup, given = runs.context, runs.context.setup, runs.limits.get(_STEADY.name)
+    context, setup, stated_limit = runs.context, runs.context.setup, runs.limits.get(_STEADY.name)
     if context.trace.steps == 0:
         return
     steady, places = steady_depths(context), context.pairs.places
-    accepted = np.full(steady.shape, setup.size / 2 if given is None else given)
-    if given is None and places:
+    accepted = np.full(steady.shape, setup.size / 2 if stated_limit is None else stated_limit)
+    if stated_limit is None and places:
         loads = _carried_weights(context)[places] / runs.limits[PRESSED.name]
         width, thickness = setup.widths[places, None], setup.thickness[places, None]
         # Divisor of the half extent for the allowed depth of pairs with such a wide solimp.
@@ -314,20 +314,23 @@ def _deep_spans(context: Context) -> list[_DeepSpan]:
     return [*_iterate_deep_spans(context, None)]
 
 
-def _iterate_deep_spans(context: Context, given: float | None) -> Iterator[_DeepSpan]:
+def _iterate_deep_spans(context: Context, stated_limit: float | None) -> Iterator[_DeepSpan]:
     guarded = {barrier.pair for barrier in context.setup.barriers}
     for row, place in enumerate(context.pairs.places):
-        depth, limit = contact_depths(context)[1][row], given or context.setup.thickness[place]
+        depth, limit = (
+            contact_depths(context)[1][row],
+            stated_limit or context.setup.thickness[place],
+        )
         if place in guarded or (depth.max(initial=0) <= limit):
             continue
-        where = "" if given else "its middle, "
-        where = f"{where}{format_amount(limit, 'mm')}{'' if given else ' from the surface'}"
+        where = "" if stated_limit else "its middle, "
+        where = f"{where}{format_amount(limit, 'mm')}{'' if stated_limit else ' from the surface'}"
         deep = find_spans(depth > limit)
         for run, start, stop in np.transpose((deep.run, deep.start, deep.stop)).tolist():
             name = context.pairs.names[place]
             lasts = format_amount((stop - start) * context.trace.timestep[run], "ms")
             reason = f"{name} is deeper than {where}, for {lasts}"
-            if given:
+            if stated_limit:
                 yield _DeepSpan(row, run, start, reason, accepted=False)
             elif _always_overlaps(context, row)[run]:
                 yield _DeepSpan(row, run, start, f"{reason}, and moves nothing", accepted=True)
@@ -347,9 +350,9 @@ def _always_overlaps(context: Context, row: int) -> NDArray[np.bool_]:
     if context.checks is None or not context.trace.pairs:
         return np.zeros(context.trace.runs, bool)
     depth, squeeze = contact_depths(context)[1][row], context.checks.squeeze
-    held = np.isnan(squeeze[:, context.pairs.places[row]])
+    is_unloaded = np.isnan(squeeze[:, context.pairs.places[row]])
     idle_depth_ratio = 0.9  # smallest ratio of the first to the largest depth of an idle pair
-    return held & (depth[:, 0] > idle_depth_ratio * depth.max(axis=1))
+    return is_unloaded & (depth[:, 0] > idle_depth_ratio * depth.max(axis=1))
 
 
 def _dip_fault(context: Context, row: int, run: int, deep: slice) -> str:
@@ -397,8 +400,8 @@ def _find_crossings(context: Context) -> OnsetIterator:
             position = place[run]
             over = height[run]
             share = (over[steps] / (over[steps] - over[steps + 1]))[:, None]
-            met = position[steps] + share * (position[steps + 1] - position[steps])
-            offset = met - barrier.point
+            crossing = position[steps] + share * (position[steps + 1] - position[steps])
+            offset = crossing - barrier.point
             offset -= (offset @ barrier.normal)[:, None] * barrier.normal
             inside = steps[np.linalg.norm(offset, axis=1) < barrier.reach]
             if len(inside):

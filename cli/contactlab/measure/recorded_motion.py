@@ -37,7 +37,7 @@ def _recording_distances(context: Context) -> dict[str, Floats]:
     assert recorded is not None
     if context.trace.steps < context.trace.steps_asked:
         return {}
-    found: dict[str, list[Floats]] = {}
+    distances: dict[str, list[Floats]] = {}
     qpos, qvel = _simulated_states(context)
     for part in recorded.parts:
         there, here = qpos[..., part.qpos], recorded.qpos[..., part.qpos]
@@ -47,20 +47,20 @@ def _recording_distances(context: Context) -> dict[str, Floats]:
                 distance.shape
             )
         name = "position" if part.kind in ("point", "slide") else "rotation"
-        found.setdefault(name, []).append(distance)
-        found.setdefault("share", []).append(
+        distances.setdefault(name, []).append(distance)
+        distances.setdefault("share", []).append(
             np.where(np.isnan(distance), np.nan, distance / part.size)
         )
         if part.kind == "point":
             speeds = np.linalg.norm((qvel - recorded.qvel)[..., part.qvel], axis=2)
-            found.setdefault("velocity", []).append(speeds)
-    return {name: np.fmax.reduce(values) for name, values in found.items()}
+            distances.setdefault("velocity", []).append(speeds)
+    return {name: np.fmax.reduce(values) for name, values in distances.items()}
 
 
 def _last_value(context: Context, values: Floats) -> Floats:
     """Return (n, ...) the values (n, M, ...) at the last recorded time within each run."""
-    known = np.isfinite(_simulated_states(context)[0][..., 0])
-    return values[np.arange(len(values)), known.sum(axis=1) - 1]
+    is_known = np.isfinite(_simulated_states(context)[0][..., 0])
+    return values[np.arange(len(values)), is_known.sum(axis=1) - 1]
 
 
 def _mean_value(_: Context, values: Floats) -> Floats:
@@ -77,12 +77,12 @@ def _declare_metric(
     """Declare a metric that reduces one quantity, named in the metric's name, over time."""
     quantity = (*name.split("_"), "share")[1]
 
-    def measured(context: Context) -> Floats:
+    def measure_distance(context: Context) -> Floats:
         values = _recording_distances(context).get(quantity) if context.setup.recorded else None
         return context.undefined() if values is None else reduce(context, values)
 
-    measured.__doc__ = text
-    metric(unit, "lower", name=name, heading=name if name == "reality" else "")(measured)
+    measure_distance.__doc__ = text
+    metric(unit, "lower", name=name, heading=name if name == "reality" else "")(measure_distance)
 
 
 _PLACE_TEXT, _TURN_TEXT = "distance of bodies and slides from", "angle of bodies and hinges to"

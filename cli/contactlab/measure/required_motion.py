@@ -44,14 +44,14 @@ def broken_requirement(runs: MeasuredRuns) -> OnsetIterator:
     context, hold = runs.context, runs.limits["mode_hold"]
     faults = defaultdict[int, list[tuple[int, str, int]]](list)
     for path in _required_paths(context):
-        for met, state in _find_faults(context, path, hold):
+        for condition, state in _find_faults(context, path, hold):
             step = min(state, context.trace.steps - 1)
-            faults[path.run].append((step, f"{path.expected.name}: {met}", state))
-    for run, found in sorted(faults.items()):
-        found.sort()
+            faults[path.run].append((step, f"{path.expected.name}: {condition}", state))
+    for run, run_faults in sorted(faults.items()):
+        run_faults.sort()
         times = context.trace.time[run]
-        reasons = [f"{said}, from {times[state]:.4g} s on" for _, said, state in found]
-        yield run, Onset("; ".join(reasons), found[0][0])
+        reasons = [f"{reason}, from {times[state]:.4g} s on" for _, reason, state in run_faults]
+        yield run, Onset("; ".join(reasons), run_faults[0][0])
 
 
 class _RequiredPath(NamedTuple):

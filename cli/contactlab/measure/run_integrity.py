@@ -107,14 +107,16 @@ def diverged(runs: MeasuredRuns) -> OnsetIterator:
     ):
         for run, onset in check(runs):
             signs.setdefault(run, []).append(onset)
-    for run, found in signs.items():
-        reason = "; ".join(sign.reason for sign in found)
-        yield run, Onset(reason, min(sign.step for sign in found))
+    for run, run_signs in signs.items():
+        reason = "; ".join(sign.reason for sign in run_signs)
+        yield run, Onset(reason, min(sign.step for sign in run_signs))
 
 
 def _find_warnings(runs: MeasuredRuns) -> OnsetIterator:
-    for run, found in enumerate(runs.context.trace.warnings):
-        counts = {name: count for name, count in found.items() if name not in _MEMORY_WARNINGS}
+    for run, run_warnings in enumerate(runs.context.trace.warnings):
+        counts = {
+            name: count for name, count in run_warnings.items() if name not in _MEMORY_WARNINGS
+        }
         raised = [f"{name} x{count}" for name, count in counts.items() if count > 0]
         if raised:
             yield run, Onset(f"engine warnings: {', '.join(raised)}", _last_step(runs.context))

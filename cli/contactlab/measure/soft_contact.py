@@ -48,13 +48,13 @@ def restitution_measured(context: Context) -> Floats:
 def _find_bounces(context: Context, barrier: Barrier) -> tuple[Rows, Floats]:
     """Return run and restitution of the impacts that count, in order of run and time."""
     # Each run's first contacts with a flight before and after, and their number.
-    found = find_spans(context.net.series.contacts[context.pairs.rows[barrier.pair]] > 0)
-    whole = (found.start > 0) & (found.stop < context.trace.steps)
-    run = found.run[whole]
+    touch_spans = find_spans(context.net.series.contacts[context.pairs.rows[barrier.pair]] > 0)
+    whole = (touch_spans.start > 0) & (touch_spans.stop < context.trace.steps)
+    run = touch_spans.run[whole]
     rank = np.arange(len(run)) - np.searchsorted(run, run)
     max_impacts = 5
     few = rank < max_impacts
-    starts, stops = found.start[whole][few], found.stop[whole][few]
+    starts, stops = touch_spans.start[whole][few], touch_spans.stop[whole][few]
     touches, rank = Spans(run[few], starts, stops), rank[few]
     if not rank.size:
         return rank, np.empty(0)
@@ -89,7 +89,7 @@ def _touch_speeds(context: Context, barrier: Barrier, touches: Spans) -> tuple[F
     gap. For a speculative contact that height is unknown, and the speed is that of the sample.
     """
     speculative = context.setup.speculative
-    known = 1.0 if speculative is None else ~speculative[touches.run]
+    is_speculative = 1.0 if speculative is None else ~speculative[touches.run]
     side = np.sign(_height_above(context, barrier, np.arange(context.trace.runs), 0))[touches.run]
     normal = side[:, None] * barrier.normal
     distance = context.net.series.distance[context.pairs.rows[barrier.pair]]
@@ -102,7 +102,7 @@ def _touch_speeds(context: Context, barrier: Barrier, touches: Spans) -> tuple[F
         depth = distance[touches.run, touching]
         at_touch = side * _height_above(context, barrier, touches.run, touching) - depth
         gap = side * _height_above(context, barrier, *where) - at_touch
-        square = np.maximum(away**2 + 2 * fall * gap * known, 0)
+        square = np.maximum(away**2 + 2 * fall * gap * is_speculative, 0)
         return np.where(away * direction > 0, np.sqrt(square), np.nan)
 
     before = speed(touches.start - 1, touches.start, -1)
@@ -123,18 +123,18 @@ def at_rest_error(context: Context) -> Floats:
     from where force begins; worst of the pairs that touch in 90 % of it.
     """
     errors, tail = [context.undefined()], context.last_fifth
-    asked = [name for name in AT_REST if name in context.setup.settings]
+    setting_names = [name for name in AT_REST if name in context.setup.settings]
     resting_share = 0.9  # a pair at rest touches in this share of the last fifth
-    for pair in context.trace.pairs if asked else ():
+    for pair in context.trace.pairs if setting_names else ():
         begin = context.setting("margin")[:, None, None]
         slots = pair.slots[:, tail]
         rests = (slots[..., FOUND] > 0).any(axis=2).mean(axis=1) >= resting_share
         depth = _mean_of_contacts(pair, tail, begin - slots[..., DISTANCE])
-        found = {
+        observed = {
             "stiffness": _mean_of_contacts(pair, tail, slots[..., FORCE.start]) / depth,
             "depth_at_rest": depth,
         }
-        sizes = (np.abs(found[name] / context.setting(name) - 1) for name in asked)
+        sizes = (np.abs(observed[name] / context.setting(name) - 1) for name in setting_names)
         errors += [np.where(rests, size, np.nan) for size in sizes]
     return np.fmax.reduce(errors)
 
@@ -218,8 +218,8 @@ def oblique_impact(context: Context) -> tuple[Floats, Floats]:
     push = -(1 + restitution_of_solref(context)) * before[:, 2]
     tangential = np.linalg.norm(before[:, :2], axis=1)
     lost = np.minimum(friction(context) * push, tangential)
-    kept = 1 - lost / np.where(tangential > 0, tangential, 1)
-    rebound = np.column_stack([before[:, :2] * kept[:, None], before[:, 2] + push])
+    kept_share = 1 - lost / np.where(tangential > 0, tangential, 1)
+    rebound = np.column_stack([before[:, :2] * kept_share[:, None], before[:, 2] + push])
     error = np.linalg.norm(after - rebound, axis=1)
     return np.zeros(context.trace.runs), error / np.linalg.norm(before, axis=1)
 
@@ -232,10 +232,10 @@ def throw(context: Context) -> tuple[Floats, Floats]:
     that, whichever is less (Coulomb's law for impulses). Measured: velocity of the second free
     body, which was at rest, in the last state; line of centers at first touch.
     """
-    kept = restitution_of_solref(context)
+    bounce_ratio = restitution_of_solref(context)
     # 1 / (1 + 5 / 2): relative sideways inertia of a hit at a ball's surface
     ball_inertia_share = 2 / 7
-    stick = ball_inertia_share * np.tan(np.radians(context.setting("cut"))) / (1 + kept)
+    stick = ball_inertia_share * np.tan(np.radians(context.setting("cut"))) / (1 + bounce_ratio)
     pair = context.trace.pairs[0]
     first = pair.touching[:, :, 0].argmax(axis=1)
     line = pair.slots[np.arange(len(first)), first, 0, NORMAL]
@@ -260,8 +260,8 @@ def swing_transfer(context: Context) -> tuple[Floats, Floats]:
     after = np.arange(rising.shape[1]) >= first[:, None]
     peak = (after & ~rising).argmax(axis=1)
     highest = swing[np.arange(len(swing)), peak]
-    measured = np.degrees(np.where(out.any(axis=1), highest, np.nan))
-    return context.setting("angle"), measured
+    largest_angle = np.degrees(np.where(out.any(axis=1), highest, np.nan))
+    return context.setting("angle"), largest_angle
 
 
 @oracle("m", ("solref", "solimp"), relative=True)

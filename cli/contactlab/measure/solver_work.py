@@ -84,9 +84,11 @@ def solver_nonconvergence(runs: MeasuredRuns) -> OnsetIterator:
     hit = saturated(context)
     residual = sustained_residual(context, hit)
     for run in runs_where(residual > runs.limits[TOLERANCE.name]):
-        used = f"the solver used all its {allowed[run]} iterations in {hit[run].mean():.0%} of the"
-        left = f"still differ by {residual[run]:.2g} of the largest force"
-        reason = f"{used} steps, and forces and accelerations {left}"
+        iterations_used = (
+            f"the solver used all its {allowed[run]} iterations in {hit[run].mean():.0%} of the"
+        )
+        difference = f"still differ by {residual[run]:.2g} of the largest force"
+        reason = f"{iterations_used} steps, and forces and accelerations {difference}"
         yield run, Onset(reason, first_step(hit[run]))
 
 
@@ -224,8 +226,8 @@ def solver_inconsistent(runs: MeasuredRuns) -> OnsetIterator:
     residual, limit = sustained_residual(context, early), runs.limits[TOLERANCE.name]
     resolved = resolved_runs(context)
     # If the solver converged, a few wrong forces may not matter for the motion.
-    known = np.zeros(len(residual), dtype=np.bool_) if resolved is None else resolved
-    for run in runs_where((residual > limit) & ~known):
+    is_resolved = np.zeros(len(residual), dtype=np.bool_) if resolved is None else resolved
+    for run in runs_where((residual > limit) & ~is_resolved):
         differ = f"forces and accelerations differ by {residual[run]:.2g} of the largest force"
         reason = f"the solver stopped early, but {differ} (limit {limit:g})"
         yield run, Onset(reason, first_step(early[run] & (checks.residual[run] > limit)))

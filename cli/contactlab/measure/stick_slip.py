@@ -80,9 +80,9 @@ def contact_modes(
     # At each sample, the last event at or before it; 0 means that nothing happens.
     step = np.arange(1, steps + 1, dtype=np.int32) * 4
     dated = np.where(events == 0, 0, step + events)
-    held = (np.maximum.accumulate(dated, axis=1) & 3).astype(np.int8)
-    held[held == separated] = NO_CONTACT
-    return held.reshape(bearing.shape)
+    last_modes = (np.maximum.accumulate(dated, axis=1) & 3).astype(np.int8)
+    last_modes[last_modes == separated] = NO_CONTACT
+    return last_modes.reshape(bearing.shape)
 
 
 def _begin_contact(events: Modes, run: Rows, step: Rows) -> None:
@@ -97,11 +97,11 @@ def mode_changes(mode: Modes, normal: Floats, usage: Floats) -> NDArray[np.bool_
     speed near the least that counts as sliding does not stick.
     """
     stick = find_spans(mode == STICK)
-    held = (normal > 0) & (usage < HELD_USAGE)
+    is_held = (normal > 0) & (usage < HELD_USAGE)
     before = np.zeros((mode.shape[0], mode.shape[1] + 1), dtype=np.int32)
-    np.cumsum(held, axis=1, out=before[:, 1:])
-    merged = mode.copy()
+    np.cumsum(is_held, axis=1, out=before[:, 1:])
+    long_modes = mode.copy()
     for run, start, stop in zip(stick.run, stick.start, stick.stop, strict=True):
         if before[run, stop] == before[run, start]:
-            merged[run, start:stop] = SLIDE
-    return merged[:, 1:] + merged[:, :-1] == STICK + SLIDE
+            long_modes[run, start:stop] = SLIDE
+    return long_modes[:, 1:] + long_modes[:, :-1] == STICK + SLIDE

@@ -170,8 +170,7 @@ def _measurement_notes(report: TradeoffReport) -> Iterator[str]:
     if below := sum(configuration.below_estimate for configuration in configurations):
         yield (
             f"{below} of {len(configurations)} configurations have an error below the uncertainty "
-            "of "
-            "the reference, which is reported instead"
+            "of the reference, which is reported instead"
         )
     if unknown := sum(configuration.error is None for configuration in configurations):
         yield (

@@ -64,9 +64,9 @@ class ChosenRuns(ABC):
 
     def next_runs(self) -> NDArray[np.bool_]:
         """Return (runs) a mask of the next runs, all unknown; empty once enough are known."""
-        wanted = np.zeros(len(self.ids), bool)
-        wanted[[*self.choose_next()]] = True
-        return np.isin(self.ids, self.ids[wanted])
+        is_chosen = np.zeros(len(self.ids), bool)
+        is_chosen[[*self.choose_next()]] = True
+        return np.isin(self.ids, self.ids[is_chosen])
 
     @abstractmethod
     def choose_next(self) -> Iterable[int]:
@@ -88,8 +88,8 @@ class ChosenRuns(ABC):
         self, index: RunIndex, identity: SweepIdentity
     ) -> tuple[RunIndex, SweepIdentity]:
         """Return the index of the finished runs, and the identity of a store of them."""
-        made = np.fromiter(self.known, np.uint64, len(self.known))
-        part = index.select_ids(np.isin(index.ids, made))
+        finished_ids = np.fromiter(self.known, np.uint64, len(self.known))
+        part = index.select_ids(np.isin(index.ids, finished_ids))
         own = {"runs_asked": len(part), "whole": self.describe_grid(index)}
         return part, identity.model_copy(update=own)
 
@@ -144,8 +144,8 @@ class RefinedRuns(ChosenRuns):
             inside = ~corners_of(halve_cells(codes, self._stride).cells, codes.shape)
             points += int(inside.sum())
             probes += int((inside & (codes != UNKNOWN)).sum())
-        known = {"axes": self._axes, "inside": points, "probes": probes}
-        return super().describe_grid(index).model_copy(update=known)
+        grid_fields = {"axes": self._axes, "inside": points, "probes": probes}
+        return super().describe_grid(index).model_copy(update=grid_fields)
 
 
 class RunsUntilKnown(ChosenRuns):
@@ -156,10 +156,10 @@ class RunsUntilKnown(ChosenRuns):
         side = counts_for_share(until.share, labels_with("required"))
         super().__init__(ids, side, fields_read_by(until.share))
         self._until = until
-        drawn = plan.sweep.drawn_axes
+        drawn_axes = plan.sweep.drawn_axes
         self._places = defaultdict[object, list[int]](list)
         for run in plan.iterate_runs():
-            self._places[configuration_of(run.values, drawn)].append(run.index)
+            self._places[configuration_of(run.values, drawn_axes)].append(run.index)
 
     def choose_next(self) -> Iterator[int]:
         """Yield the plan indices of the next runs."""
@@ -213,10 +213,10 @@ class SearchedRuns(ChosenRuns):
         """Yield the plan indices of the next runs."""
         yield from (place for place in self._apart if not self.is_known(place))
         for places, trials in self._searches:
-            found = dict[int, float | None]()
+            results = dict[int, float | None]()
             for point, place in enumerate(places):
                 if self.is_known(place):
                     value = self.side_at(place)
-                    found[point] = float(value) if isinstance(value, float | int) else None
-            for trial in trials.next_points(found):
+                    results[point] = float(value) if isinstance(value, float | int) else None
+            for trial in trials.next_points(results):
                 yield places[trial]

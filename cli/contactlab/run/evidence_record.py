@@ -160,11 +160,12 @@ class MeasuredGroup:
     @cached_property
     def metrics(self) -> list[dict[str, float | None]]:
         """The metrics of each row, None if they do not apply."""
-        found = self.assessment.metrics
+        metric_values = self.assessment.metrics
         columns = [
-            np.where(np.isfinite(values), values, _NONE).tolist() for values in found.values()
+            np.where(np.isfinite(values), values, _NONE).tolist()
+            for values in metric_values.values()
         ]
-        return [dict(zip(found, row, strict=True)) for row in zip(*columns, strict=True)]
+        return [dict(zip(metric_values, row, strict=True)) for row in zip(*columns, strict=True)]
 
     @cached_property
     def encoder(self) -> TraceEncoder:
@@ -214,8 +215,10 @@ class RunOutcome:
         if self.rollout.controls:
             return self.rollout.controls[self.place]
         run, scene = self.plan.run, self.plan.start
-        held = run.drive == "exercise" or (run.drive == "none" and not scene.driven_inputs.size)
-        return scene.recorded_inputs_until(run.steps * run.timestep) if held else None
+        is_computed = run.drive == "exercise" or (
+            run.drive == "none" and not scene.driven_inputs.size
+        )
+        return scene.recorded_inputs_until(run.steps * run.timestep) if is_computed else None
 
 
 def own_fields(task: Task, outcome: RunOutcome) -> Fields:
@@ -265,7 +268,7 @@ def _common_outcome_fields(
     labels: Sequence[AppliedLabel | LabelEntry],
 ) -> Fields:
     names, run = [entry.label for entry in labels], plan.run
-    expected, met, missed = judge_expectations(common.expectations, names, metrics)
+    expected, is_met, missed = judge_expectations(common.expectations, names, metrics)
     applied = plan.start.applied if plan.start.applied.any() else plan.start.applied[:, :0]
     parts = {
         "qpos": plan.start.qpos,
@@ -284,7 +287,7 @@ def _common_outcome_fields(
         "label": names[0],
         "labels": labels,
         "expected": expected,
-        "expectation_met": met,
+        "expectation_met": is_met,
         "expectation_reason": missed,
         "tolerances_met": within_tolerances(task.sweep.tolerances, metrics),
     }
@@ -311,11 +314,13 @@ def journal_entries(rows: Sequence[RunRow]) -> list[Finished]:
 def cost_and_times(task: Task, outcome: RunOutcome) -> Fields:
     """Return the cost and times of day in the record of a run that just ended."""
     cpu, timestep = float(outcome.rollout.cost[outcome.place]), outcome.plan.run.timestep
-    known = None if math.isnan(cpu) else (cpu, outcome.steps, timestep, task.sweep.latency_budget)
+    step_times = (
+        None if math.isnan(cpu) else (cpu, outcome.steps, timestep, task.sweep.latency_budget)
+    )
     return {
         "started": outcome.started,
         "finished": time_now(),
-        "cost": known and Cost.of_steps(*known),
+        "cost": step_times and Cost.of_steps(*step_times),
     }
 
 

@@ -66,10 +66,10 @@ def forecast_sweep(request: SweepRequest) -> SweepForecast:
     accuracy = timing = 0.0
     if sweep.accuracy or sweep.timing:
         steps_cost = np.median([_step_cost(scene, run) for run in sums.sampled[::4]]).item()
-        planned = list(index.iterate_runs())
-        resolved = {run.run_id: run for run in planned}
+        runs = list(index.iterate_runs())
+        resolved = {run.run_id: run for run in runs}
         if sweep.accuracy:
-            models = reference_models(scene, sweep, planned)
+            models = reference_models(scene, sweep, runs)
             steps = reference_steps(sweep.accuracy.refine, resolved, models, scene)
             accuracy = steps_cost * steps / workers
         if sweep.timing:
@@ -160,8 +160,8 @@ def _describe_drives(scene: Scene, sampled: Sequence[RunSpec], *, inferred: bool
 
 
 def _values_text(values: tuple[object, ...]) -> str:
-    shown = values if len(values) <= 6 else (*values[:2], "...", values[-1])
-    return ", ".join(map(format_setting, shown))
+    shown_values = values if len(values) <= 6 else (*values[:2], "...", values[-1])
+    return ", ".join(map(format_setting, shown_values))
 
 
 def _sum_runs(index: RunIndex) -> _RunSums:
@@ -172,9 +172,11 @@ def _sum_runs(index: RunIndex) -> _RunSums:
         steps, solref = run.steps, run.settings.get("solref")
         sums.steps += count * steps
         if isinstance(solref, tuple):
-            used = refsafe_solref(solref, run.timestep) if run.flags["refsafe"] else solref
-            sums.fast += count * (round(run.timestep * _contact_frequency(used), 1) > STABLE_STEP)
-            sums.clamped += count * (used != solref)
+            used_solref = refsafe_solref(solref, run.timestep) if run.flags["refsafe"] else solref
+            sums.fast += count * (
+                round(run.timestep * _contact_frequency(used_solref), 1) > STABLE_STEP
+            )
+            sums.clamped += count * (used_solref != solref)
         if isinstance(run.drive, PolicyDrive):
             sums.late += count * acts_too_often(run.drive.rate, run.timestep)
         # One sample for each multiple of the stride among the indices of the row's runs.
@@ -224,9 +226,9 @@ def _forecast_warnings(plan: Plan, scene: Scene, runs: int, sums: _RunSums) -> I
 
 
 def _join_names(names: Iterable[str]) -> str:
-    found, most = [*dict.fromkeys(names)], 4
-    rest = [f"{len(found) - most} more"] if len(found) > most else []
-    return ", ".join([*found[:most], *rest])
+    unique_names, most = [*dict.fromkeys(names)], 4
+    rest = [f"{len(unique_names) - most} more"] if len(unique_names) > most else []
+    return ", ".join([*unique_names[:most], *rest])
 
 
 def _overlap_warnings(scene: Scene, sampled: Sequence[RunSpec]) -> Iterator[str]:
@@ -234,7 +236,7 @@ def _overlap_warnings(scene: Scene, sampled: Sequence[RunSpec]) -> Iterator[str]
     deep_share, most_runs = 0.5, 12
     chosen = list({(run.keyframe, repr(sorted(run.axes.items()))): run for run in sampled}.values())
     chosen = chosen[:: max(1, len(chosen) // most_runs)]
-    found = list[tuple[float, str]]()
+    overlaps = list[tuple[float, str]]()
     for run in chosen:
         runs = PreparedRuns.of(scene, run)
         (model,), data = runs.models, mujoco.MjData(runs.models[0])
@@ -247,11 +249,11 @@ def _overlap_warnings(scene: Scene, sampled: Sequence[RunSpec]) -> Iterator[str]
             worst = int(np.argmax(shares))
             bodies = [model.body(model.geom_bodyid[geom]).name or "?" for geom in pairs[worst]]
             depth = format_amount(-float(data.contact.dist[worst]), "mm")
-            found.append((float(shares[worst]), f"{' and '.join(bodies)} by {depth}"))
-    if found:
+            overlaps.append((float(shares[worst]), f"{' and '.join(bodies)} by {depth}"))
+    if overlaps:
         yield (
-            f"in {len(found)} of {len(chosen)} tried starts bodies begin deep inside each other, "
-            f"{max(found)[1]}: choose another `keyframe`, or a height"
+            f"in {len(overlaps)} of {len(chosen)} tried starts bodies begin deep inside each "
+            f"other, {max(overlaps)[1]}: choose another `keyframe`, or a height"
         )
 
 
@@ -269,8 +271,8 @@ def check_units(plan: Plan, scene: Scene) -> None:
         >= 10 * _LARGEST_VALUES[axis.name]
     ]
     if questions := [*question_units(refused, scene)]:
-        listed = "\n".join(questions)
-        raise SweepFileError(f"{listed}\nValues without a unit are in SI units; write one")
+        question_list = "\n".join(questions)
+        raise SweepFileError(f"{question_list}\nValues without a unit are in SI units; write one")
 
 
 def question_units(axes: Iterable[SweptAxis], scene: Scene) -> Iterator[str]:

@@ -45,10 +45,10 @@ def commit_of(folder: Path) -> str | None:
             continue
         # A file of a million packed references [bytes].
         packed = _read_text(common / "packed-refs", common, 1 << 26) or ""
-        found = re.search(rf"^([0-9a-f]+) {re.escape(name)}$", packed, re.MULTILINE)
-        if found is None:
+        match = re.search(rf"^([0-9a-f]+) {re.escape(name)}$", packed, re.MULTILINE)
+        if match is None:
             return None
-        line = found[1]
+        line = match[1]
     return None
 
 

@@ -81,10 +81,10 @@ def merge_stores(
                 name = controls_name(sha256)
                 to.put_file(name, source.backend.read_file(name) or b"")
             traces = source.columns.arrow(["trace_file", "trace_sha256"])
-            wanted = traces.filter(traces["trace_file"].is_valid())
-            names = [name.as_py() for name in wanted["trace_file"]]
+            with_traces = traces.filter(traces["trace_file"].is_valid())
+            names = [name.as_py() for name in with_traces["trace_file"]]
             with closing(source.backend.local_files(names)) as files:
-                triples = zip(names, wanted["trace_sha256"], files, strict=True)
+                triples = zip(names, with_traces["trace_sha256"], files, strict=True)
                 for name, sha256, path in count_steps(triples, "traces", len(names)):
                     if path is None:
                         raise StoreError(f"{source.address / name} is missing")
@@ -94,8 +94,8 @@ def merge_stores(
         manifests = [store.manifest for store in stores]
         times = min(each.started for each in manifests), max(each.finished for each in manifests)
         tables = {store.address: store.path / TABLE for store in stores}
-        written = joined_provenance([each.provenance for each in manifests])
-        store.join_tables(tables, written, times, _merge_conclusion(stores, identity))
+        provenance = joined_provenance([each.provenance for each in manifests])
+        store.join_tables(tables, provenance, times, _merge_conclusion(stores, identity))
     return gaps
 
 
@@ -166,16 +166,16 @@ def _gaps_text(stores: Sequence[Store], runs: int, lacking: Sequence[str]) -> st
     whole = stores[0].manifest.sweep.whole
     assert whole is not None
     text = f"{whole.runs - runs:,} of {whole.runs:,} runs are in none of the stores"
-    held = [(shard_of(store.manifest.sweep) or "").partition("/") for store in stores]
-    counts = {shards for _, _, shards in held}
+    held_shards = [(shard_of(store.manifest.sweep) or "").partition("/") for store in stores]
+    counts = {shards for _, _, shards in held_shards}
     max_listed = 8  # a list of shards or stores that still fits in some lines
     if len(counts) == 1 and (shards := counts.pop()):
-        have = {int(number) for number, _, _ in held}
+        have = {int(number) for number, _, _ in held_shards}
         missing = [number for number in range(1, int(shards) + 1) if number not in have]
-        named = ", ".join(f"{number}/{shards}" for number in missing[:max_listed])
+        missing_shards = ", ".join(f"{number}/{shards}" for number in missing[:max_listed])
         more = f" and {len(missing) - max_listed:,} more" if len(missing) > max_listed else ""
         noun = "shard" if len(missing) == 1 else "shards"
-        text += f": {noun} {named}{more}" if missing else ""
+        text += f": {noun} {missing_shards}{more}" if missing else ""
     return "; ".join([text, *lacking[:max_listed]])
 
 
@@ -198,30 +198,32 @@ def _is_merged(target: Address, identity: SweepIdentity) -> bool:
 def _merge_conclusion(stores: Sequence[Store], identity: SweepIdentity) -> Conclusion:
     """Return the function that concludes over all runs together, once they are stored."""
     store = stores[0]
-    met = sorted({name for each in stores for name in each.manifest.advisories})
+    advisories = sorted({name for each in stores for name in each.manifest.advisories})
     changing = sorted({run for each in stores for run in each.manifest.unrepeatable})
     expected = any(expectation.get("mean") for expectation in identity.resolved["expect"])
     if not expected or identity.whole:
-        return partial(conclude_runs, None, (), met, changing)
+        return partial(conclude_runs, None, (), advisories, changing)
     if isinstance(identity.resolved.get("include"), dict):
         raise StoreError(
             "the sweep expects means, and a file next to it names runs, which shards do not hold; "
             "run the sweep on one machine"
         )
     scene = stored_sweep_scene(identity, store.scene_folder)
-    return partial(conclude_runs, plan_again(identity, scene), (), met, changing)
+    return partial(conclude_runs, plan_again(identity, scene), (), advisories, changing)
 
 
 def joined_provenance(several: Sequence[Provenance]) -> Provenance:
     """Return the versions and machines of several stores, each once."""
     hosts = [each.host for each in several]
-    named = ("cpu_model", "cpu_flags", "os")
-    host = Host(**_joined_names(hosts, named), cores=max(each.cores for each in hosts))
+    field_names = ("cpu_model", "cpu_flags", "os")
+    host = Host(**_joined_names(hosts, field_names), cores=max(each.cores for each in hosts))
     versions = _joined_names(several, ("contactlab", "python", "numpy"))
     revisions = _joined_names(several, ("git_revision",))["git_revision"]
     return Provenance(**versions, git_revision=revisions or None, host=host)
 
 
 def _joined_names(several: Iterable[object], names: Iterable[str]) -> Mapping[str, str]:
-    found = {name: dict.fromkeys(filter(None, map(attrgetter(name), several))) for name in names}
-    return {name: ", ".join(sorted(values)) for name, values in found.items()}
+    values_by_name = {
+        name: dict.fromkeys(filter(None, map(attrgetter(name), several))) for name in names
+    }
+    return {name: ", ".join(sorted(values)) for name, values in values_by_name.items()}

@@ -66,13 +66,13 @@ def find_interpreter(request: str, notify: Callable[[str], None]) -> Interpreter
     if not python.exists():
         notify(f"setting up MuJoCo {request} in {folder}, once")
         # Building an old engine from its sources needs more than most machines have.
-        wanted = ["--only-binary", "mujoco", f"mujoco=={request}", *others]
+        packages = ["--only-binary", "mujoco", f"mujoco=={request}", *others]
         name = f"MuJoCo {request}"
         advice = (
             "take another version (`pip index versions mujoco` lists them), or give --mujoco the "
             "path of a Python that has it"
         )
-        make_environment(folder, wanted, name, advice, lambda python: _find_mujoco(python, name))
+        make_environment(folder, packages, name, advice, lambda python: _find_mujoco(python, name))
     return Interpreter(python, request)
 
 
@@ -85,17 +85,17 @@ def exec_with(interpreter: Interpreter, arguments: Sequence[str]) -> NoReturn:
 
 def without_option(arguments: Sequence[str], option: str) -> list[str]:
     """Return arguments without an option and its value."""
-    left: list[str] = []
+    other_arguments: list[str] = []
     rest = iter(arguments)
     for argument in rest:
         if argument == option:
             next(rest, None)
         elif not argument.startswith(f"{option}="):
-            left.append(argument)
-    return left
+            other_arguments.append(argument)
+    return other_arguments
 
 
-def install_commands(folder: Path, wanted: Sequence[str]) -> list[list[str]]:
+def install_commands(folder: Path, packages: Sequence[str]) -> list[list[str]]:
     """Return the commands that make an environment: by uv if it exists, otherwise by venv and pip.
 
     It gets the wanted packages, named as for pip.
@@ -104,11 +104,11 @@ def install_commands(folder: Path, wanted: Sequence[str]) -> list[list[str]]:
     if uv := _find_uv():
         return [
             [*uv, "venv", "--quiet", "--python", sys.executable, str(folder)],
-            [*uv, "pip", "install", "--quiet", "--python", python, *wanted],
+            [*uv, "pip", "install", "--quiet", "--python", python, *packages],
         ]
     return [
         [sys.executable, "-P", "-m", "venv", str(folder)],
-        [python, "-P", "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *wanted],
+        [python, "-P", "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *packages],
     ]
 
 
@@ -119,12 +119,20 @@ def run_installer(command: Sequence[str], folder: Path) -> "subprocess.Completed
     name the package index, so that foreign code is installed.
     """
     # uv reads the user's configuration, and none of a folder.
-    named = os.environ.get("UV_CONFIG_FILE")
+    named_file = os.environ.get("UV_CONFIG_FILE")
     home = os.environ.get("XDG_CONFIG_HOME") or str(Path.home() / ".config")
-    found = [Path(named).absolute()] if named else [Path(home, "uv", "uv.toml"), *_UV_OF_MACHINE]
-    own = next((file for file in found if file.is_file()), None)
+    config_files = (
+        [Path(named_file).absolute()]
+        if named_file
+        else [Path(home, "uv", "uv.toml"), *_UV_OF_MACHINE]
+    )
+    own = next((file for file in config_files if file.is_file()), None)
     # A file that is named is read alone; uv itself reports a missing one.
-    chosen = {"UV_CONFIG_FILE": str(own or found[0])} if own or named else {"UV_NO_CONFIG": "1"}
+    chosen = (
+        {"UV_CONFIG_FILE": str(own or config_files[0])}
+        if own or named_file
+        else {"UV_NO_CONFIG": "1"}
+    )
     return subprocess.run(  # noqa: S603
         command,
         capture_output=True,
@@ -136,7 +144,7 @@ def run_installer(command: Sequence[str], folder: Path) -> "subprocess.Completed
 
 
 def make_environment(
-    folder: Path, wanted: Sequence[str], name: str, advice: str, check: Callable[[Path], object]
+    folder: Path, packages: Sequence[str], name: str, advice: str, check: Callable[[Path], object]
 ) -> None:
     """Make an environment next to its folder, and move it there when it is complete.
 
@@ -145,38 +153,38 @@ def make_environment(
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix="new-") as beside:
-        made = Path(beside) / "environment"
-        for command in install_commands(made, wanted):
-            done = run_installer(command, Path(beside))
-            if done.returncode:
-                output = (done.stderr or done.stdout).strip().splitlines()
+        new_folder = Path(beside) / "environment"
+        for command in install_commands(new_folder, packages):
+            installation = run_installer(command, Path(beside))
+            if installation.returncode:
+                output = (installation.stderr or installation.stdout).strip().splitlines()
                 # Number of reported lines of a failing installer.
                 lines = [line.rstrip() for line in output if line.strip()][-6:]
                 raise EngineError(
                     f"{name} cannot be installed for Python {platform.python_version()}; {advice}. "
                     "The installer says:\n" + "\n".join(f"  {line}" for line in lines)
                 )
-        check(made / "bin" / "python")
+        check(new_folder / "bin" / "python")
         if not (folder / "bin" / "python").exists():
             shutil.rmtree(folder, ignore_errors=True)
-            made.rename(folder)
+            new_folder.rename(folder)
 
 
 def _find_mujoco(python: Path, name: str) -> str:
     """Return the version of MuJoCo that contactlab finds there."""
     code = f"import mujoco, {__name__}; print(mujoco.__version__)"
-    done = subprocess.run(  # noqa: S603
+    process = subprocess.run(  # noqa: S603
         [python, "-c", code],
         capture_output=True,
         text=True,
         check=False,
         env=_environment_variables(),
     )
-    if done.returncode:
-        last = (done.stderr.strip().splitlines() or ["it printed nothing"])[-1]
+    if process.returncode:
+        last = (process.stderr.strip().splitlines() or ["it printed nothing"])[-1]
         needs = " ".join(["mujoco", *_pinned_requirements()])
         raise EngineError(f"{name} cannot run contactlab: {last}\nit needs: {needs}")
-    return done.stdout.strip()
+    return process.stdout.strip()
 
 
 def _pinned_requirements() -> list[str]:
@@ -199,7 +207,7 @@ def _find_uv() -> list[str] | None:
 
 def _environment_variables() -> dict[str, str]:
     """Return the variables of a process of another interpreter, which runs this contactlab."""
-    kept = {name: text for name, text in os.environ.items() if not name.startswith("PYTHON")}
+    variables = {name: text for name, text in os.environ.items() if not name.startswith("PYTHON")}
     # Nothing is imported from the current folder, which may be a stranger's.
     # Another environment must not see the other packages installed here, least of all MuJoCo. So
     # this folder has contactlab alone.
@@ -209,9 +217,9 @@ def _environment_variables() -> dict[str, str]:
     name = f"contactlab-{own.version}-{resources.short_hash([str(packages), str(metadata)])}"
     folder = resources.user_cache() / name
     folder.mkdir(parents=True, exist_ok=True)
-    named = {packages / entry.module.partition(".")[0] for entry in own.entry_points}
-    for target in (metadata, *named):
+    plugin_files = {packages / entry.module.partition(".")[0] for entry in own.entry_points}
+    for target in (metadata, *plugin_files):
         # Another process may make it, too.
         with suppress(FileExistsError):
             (folder / target.name).symlink_to(target, target_is_directory=True)
-    return {**kept, "PYTHONPATH": str(folder), "PYTHONSAFEPATH": "1"}
+    return {**variables, "PYTHONPATH": str(folder), "PYTHONSAFEPATH": "1"}

@@ -38,15 +38,15 @@ def parameter_budgets(session: SweepSession) -> Iterator[ParameterBudget]:
     the model, such as one of the start or the drive, has no row. Other engines and policies have no
     budget.
     """
-    sweep, found = session.task.sweep, set[object]()
+    sweep, seen_keys = session.task.sweep, set[object]()
     if sweep.sample is None or sweep.sample.method != "saltelli":
         return
     for run in session.index.iterate_runs():
         shared = configuration_of(run.axes, sweep.drawn_axes)
-        if (shared, run.seed) in found or isinstance(run.drive, PolicyDrive):
+        if (shared, run.seed) in seen_keys or isinstance(run.drive, PolicyDrive):
             continue
-        found.add((shared, run.seed))
-        if len(found) > MOST_SENSITIVITIES:
+        seen_keys.add((shared, run.seed))
+        if len(seen_keys) > MOST_SENSITIVITIES:
             return
         if run.engine == MODEL_ENGINE:
             yield from _budgets_of_run(session.scene, sweep, run, dict(shared))
@@ -88,8 +88,8 @@ def _budgets_of_run(
         for row in phase.rows
     ]
     own_share = finite_or_none(phase.run.error)
-    found = {"shared": {**shared, "seed": run.seed}, "middle": middle}
-    yield ParameterBudget.model_validate({**found, "run": own_share, "rows": rows})
+    common_fields = {"shared": {**shared, "seed": run.seed}, "middle": middle}
+    yield ParameterBudget.model_validate({**common_fields, "run": own_share, "rows": rows})
 
 
 def _axis_range(axis: Sampled) -> tuple[float, float, float]:

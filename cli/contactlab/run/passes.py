@@ -125,37 +125,41 @@ def _measure_times(
     # Seeds share the cost of a step, up to the noise between two rounds; scenarios do not.
     keys = {run.run_id: _axes_key(run) if request.contenders else run.run_id for run in able}
     firsts = {keys[run.run_id]: run.run_id for run in reversed(able)}
-    timed = set(firsts.values())
-    planned = [run for run in able if run.run_id in timed]
-    jobs = list(pack_jobs(planned, len(planned), session.scene, session.executor.workers))
+    timed_ids = set(firsts.values())
+    timed_runs = [run for run in able if run.run_id in timed_ids]
+    jobs = list(pack_jobs(timed_runs, len(timed_runs), session.scene, session.executor.workers))
     work = results_of_pass(session, "work", jobs)
 
     # All runs are timed together, or none again.
-    planned = [run for run in planned if work.get(run.run_id)]
-    runs, turns = _by_id(planned), request.rounds * len(planned)
-    taken = notes_by_run(session.store.read_notes(), "times")
-    if runs.keys() <= taken.keys():
+    timed_runs = [run for run in timed_runs if work.get(run.run_id)]
+    runs, turns = _by_id(timed_runs), request.rounds * len(timed_runs)
+    stored_times = notes_by_run(session.store.read_notes(), "times")
+    if runs.keys() <= stored_times.keys():
         session.begin(turns, turns)
     else:
         session.begin(turns, 0)
         backend = backend_at(session.task.store, OutputError)
         controls = {
-            run.run_id: read_controls(backend, run.controls) for run in planned if run.controls
+            run.run_id: read_controls(backend, run.controls) for run in timed_runs if run.controls
         }
         groups, select = [(run_id,) for run_id in runs], lambda _: groups
         if request.contenders:
-            select = _Contenders(session, planned, errors)
+            select = _Contenders(session, timed_runs, errors)
             groups = select.groups
         turn = note_result("times", "", {})
         timer = InterleavedTimer(session.scene, request.rounds, controls)
-        found = timer.times(
+        samples_by_run = timer.times(
             runs, work, groups, select, lambda count: session.progress([turn] * count)
         )
         session.store.write_notes(
-            [note_result("times", run_id, samples).row for run_id, samples in found]
+            [note_result("times", run_id, samples).row for run_id, samples in samples_by_run]
         )
-        taken = notes_by_run(session.store.read_notes(), "times")
-    times = {run_id: taken[firsts[key]] for run_id, key in keys.items() if firsts[key] in taken}
+        stored_times = notes_by_run(session.store.read_notes(), "times")
+    times = {
+        run_id: stored_times[firsts[key]]
+        for run_id, key in keys.items()
+        if firsts[key] in stored_times
+    }
     return run_timings(_by_id(session.planned_runs), request, work, times)
 
 
@@ -171,8 +175,8 @@ def results_of_pass(
 
     Results from before an interruption are among them.
     """
-    done = notes_by_run(session.store.read_notes(), purpose)
-    rest = [job for job in jobs if any(run.run_id not in done for run in job)]
+    notes = notes_by_run(session.store.read_notes(), purpose)
+    rest = [job for job in jobs if any(run.run_id not in notes for run in job)]
     runs = sum(map(len, jobs))
     session.begin(runs, runs - sum(map(len, rest)))
     task = replace(session.task, purpose=purpose)
@@ -192,28 +196,28 @@ class _Contenders:
     """
 
     def __init__(
-        self, session: SweepSession, timed: Sequence[RunSpec], errors: Mapping[str, Row]
+        self, session: SweepSession, timed_runs: Sequence[RunSpec], errors: Mapping[str, Row]
     ) -> None:
         sweep, limits = session.task.sweep, session.task.sweep.tolerances
         name = find_error_metric(limits) or (ERRORS[0] if sweep.accuracy else MODELING_ERROR)
         every, own = defaultdict[object, list[str]](list), defaultdict[object, list[str]](list)
-        for planned, found in ((session.planned_runs, every), (timed, own)):
-            for run in planned:
-                found[_axes_key(run, sweep.scenario)].append(run.run_id)
+        for runs, groups_of_axes in ((session.planned_runs, every), (timed_runs, own)):
+            for run in runs:
+                groups_of_axes[_axes_key(run, sweep.scenario)].append(run.run_id)
         # Each group with its error, and the largest share of a tolerance that it uses.
-        known: list[tuple[Sequence[str], float, float]] = []
+        paces: list[tuple[Sequence[str], float, float]] = []
         for key, group in own.items():
             rows = [{**session.outcomes[run_id], **errors.get(run_id, {})} for run_id in every[key]]
             failed = math.inf if any(row["label"] != "stable" for row in rows) else 0.0
-            used = [
+            budget_shares = [
                 _share_of_limit(row.get(limited), limit)
                 for limited, limit in limits.items()
                 for row in rows
             ]
             error = max(_share_of_limit(row.get(name), 1.0) for row in rows)
-            known.append((group, error, max([failed, *used])))
-        self.groups: Groups = [group for group, *_ in known]
-        self._known = [pace for pace in known if pace[2] <= 1] or known
+            paces.append((group, error, max([failed, *budget_shares])))
+        self.groups: Groups = [group for group, *_ in paces]
+        self._known = [pace for pace in paces if pace[2] <= 1] or paces
 
     def __call__(self, times: Mapping[str, float]) -> Groups:
         costs = [fmean(times[run_id] for run_id in group) for group, *_ in self._known]
@@ -222,9 +226,9 @@ class _Contenders:
         clear_time_ratio = 1.25
         return [
             group
-            for (group, error, used), cost in ranked
+            for (group, error, budget_share), cost in ranked
             if not any(
-                clear_time_ratio * least < cost and other <= error and part <= used
+                clear_time_ratio * least < cost and other <= error and part <= budget_share
                 for (_, other, part), least in ranked
             )
         ]

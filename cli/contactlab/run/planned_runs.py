@@ -61,10 +61,10 @@ MAX_KEPT = 1 << 12
 
 def reference_models(scene: Scene, sweep: Sweep, runs: Iterable[RunSpec]) -> dict[str, RunSpec]:
     """Return the runs to compare with, by run id: the runs themselves, or the scene as written."""
-    asked = sweep.accuracy
-    if asked is None or asked.against == "own":
+    accuracy = sweep.accuracy
+    if accuracy is None or accuracy.against == "own":
         return {run.run_id: run for run in runs}
-    scenario = [*sweep.scenario, *asked.scenario]
+    scenario = [*sweep.scenario, *accuracy.scenario]
     return {run.run_id: scene.resolve_as_written(run, scenario) for run in runs}
 
 
@@ -105,10 +105,10 @@ class RunIndex:
         rows = (ids for _, _, ids in self._identified_rows())
         return np.fromiter((int(run_id, 16) for ids in rows for run_id in ids), np.uint64)
 
-    def select_ids(self, wanted: NDArray[np.bool_]) -> "RunIndex":
+    def select_ids(self, is_wanted: NDArray[np.bool_]) -> "RunIndex":
         """Return the index of the runs in a mask (runs of the plan)."""
         part = copy(self)
-        part._distinct = self._distinct & wanted
+        part._distinct = self._distinct & is_wanted
         return part
 
     def select_shard(self, number: int, shards: int) -> "RunIndex":
@@ -119,9 +119,9 @@ class RunIndex:
         part._distinct[places] = True
         return part
 
-    def count_done(self, done: Collection[str]) -> int:
+    def count_done(self, finished_ids: Collection[str]) -> int:
         """Return the number of runs that are done."""
-        return len(self) - int(np.count_nonzero(self._remaining_mask(done)))
+        return len(self) - int(np.count_nonzero(self._remaining_mask(finished_ids)))
 
     def has_run(self, run_id: str, index: int) -> bool:
         """Return whether the run at an index of the plan has this id."""
@@ -133,19 +133,19 @@ class RunIndex:
 
     def has_all(self, ids: NDArray[np.uint64], places: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return (n,) whether the runs at these indices of the plan have these ids."""
-        known = (places >= 0) & (places < len(self._distinct))
-        within = np.where(known, places, 0)
-        return known & self._distinct[within] & (self.ids[within] == ids)
+        is_in_plan = (places >= 0) & (places < len(self._distinct))
+        within = np.where(is_in_plan, places, 0)
+        return is_in_plan & self._distinct[within] & (self.ids[within] == ids)
 
-    def iterate_runs(self, done: Collection[str] = ()) -> Iterator[RunSpec]:
+    def iterate_runs(self, finished_ids: Collection[str] = ()) -> Iterator[RunSpec]:
         """Yield every run that is not done."""
-        left = self._remaining_mask(done).tobytes()
+        is_remaining = self._remaining_mask(finished_ids).tobytes()
         if self._kept is not None:
-            yield from (run for run in self._kept if left[run.index])
+            yield from (run for run in self._kept if is_remaining[run.index])
             return
-        for row, resolved, ids in self._identified_rows(left):
+        for row, resolved, ids in self._identified_rows(is_remaining):
             for index, (seed, run_id) in enumerate(zip(row.seeds, ids, strict=True), row.first):
-                if left[index]:
+                if is_remaining[index]:
                     yield resolved.with_seed(row.values, seed, run_id, index)
 
     def iterate_rows(self) -> Iterator[tuple[RunSpec, int]]:
@@ -156,20 +156,22 @@ class RunIndex:
             if count:
                 yield self._scene.resolve(row.values, row.seeds[0], duration), int(count)
 
-    def _remaining_mask(self, done: Collection[str]) -> NDArray[np.bool_]:
+    def _remaining_mask(self, finished_ids: Collection[str]) -> NDArray[np.bool_]:
         """Return (runs of the plan) a mask of the runs that are not done."""
-        if not done:
+        if not finished_ids:
             return self._distinct
-        made = np.fromiter((int(run_id, 16) for run_id in done), np.uint64, len(done))
-        return self._distinct & ~np.isin(self.ids, made)
+        finished_numbers = np.fromiter(
+            (int(run_id, 16) for run_id in finished_ids), np.uint64, len(finished_ids)
+        )
+        return self._distinct & ~np.isin(self.ids, finished_numbers)
 
     def _identified_rows(
-        self, wanted: bytes | None = None
+        self, is_wanted: bytes | None = None
     ) -> Iterator[tuple[Row, RunSpec, Iterator[str]]]:
         """Yield each row with a wanted run, the common part of its runs, and their ids."""
         duration = self._plan.sweep.duration
         for row in self._plan.iterate_rows():
-            if wanted is None or any(wanted[row.first : row.first + len(row.seeds)]):
+            if is_wanted is None or any(is_wanted[row.first : row.first + len(row.seeds)]):
                 yield row, *self._scene.resolve_with_ids(row.values, row.seeds, duration)
 
     def _checked_rows(self) -> Iterator[int]:
@@ -273,7 +275,7 @@ def pack_jobs(runs: Iterable[RunSpec], count: int, scene: Scene, workers: int) -
     bounds: dict[Key, tuple[int, int]] = {}
     key, last = Key(), None
     max_open_jobs = 64  # jobs that wait for more runs of their kind; the plan is never kept whole
-    for taken, run in enumerate(runs):
+    for taken_count, run in enumerate(runs):
         if not run.is_sibling(last):
             structure, sleep = run.structure.items(), run.flags.get("sleep")
             key, last = (*structure, run.steps, run.engine, sleep, run.without), run
@@ -290,7 +292,7 @@ def pack_jobs(runs: Iterable[RunSpec], count: int, scene: Scene, workers: int) -
         group = waiting.setdefault(key, [])
         group.append(run)
         least, bound = bounds[key]
-        if len(group) >= min(bound, max(least, (count - taken) // shares)):
+        if len(group) >= min(bound, max(least, (count - taken_count) // shares)):
             yield tuple(waiting.pop(key))
         elif len(waiting) > max_open_jobs:
             yield tuple(waiting.pop(next(iter(waiting))))

@@ -31,10 +31,10 @@ def recomputed_rows(
     With a plan, also yield runs with a stored verdict that its expectations contradict.
     """
     columns = store.columns
-    judged = (
+    judged_names = (
         () if plan is None else (*_VERDICT_COLUMNS, *_verdict_inputs(plan, columns.schema.names))
     )
-    names = dict.fromkeys((*_RESOLVED_COLUMNS, *columns.axis_names, *judged))
+    names = dict.fromkeys((*_RESOLVED_COLUMNS, *columns.axis_names, *judged_names))
     for rows in select_rows(columns.batches([*names]), chosen):
         alike = RowGroups(rows)
         yield from _differing_runs(alike, scene)
@@ -82,10 +82,12 @@ def _stored_settings(settings: Mapping[str, Any]) -> dict[str, object]:
 
 def _verdict_inputs(plan: Plan, names: Sequence[str]) -> list[str]:
     """Return the numeric columns that decide the verdicts of a plan's runs."""
-    asked = {name for _, expectation in plan.expected for name in expectation.metrics}
+    expected_metrics = {name for _, expectation in plan.expected for name in expectation.metrics}
     tolerances = plan.sweep.tolerances
     errors = Accuracy.model_fields if tolerances.keys() & Accuracy.model_fields.keys() else ()
-    return [name for name in names if name in asked or name in tolerances or name in errors]
+    return [
+        name for name in names if name in expected_metrics or name in tolerances or name in errors
+    ]
 
 
 def _differing_verdicts(alike: RowGroups, scene: Scene, plan: Plan) -> Iterator[str]:
@@ -94,12 +96,20 @@ def _differing_verdicts(alike: RowGroups, scene: Scene, plan: Plan) -> Iterator[
     for first in alike.firsts if plan.expected else ():
         values = canonical_values(scene, alike.axes_of_row(first))
         expected.append([each for match, each in plan.expected if match.is_met(values)])
-    measured = alike.select_columns(_verdict_inputs(plan, alike.names))
+    metric_values = alike.select_columns(_verdict_inputs(plan, alike.names))
     verdicts = alike.select_columns(_VERDICT_COLUMNS)
-    for run, group, numbers, said in zip(alike.ids, alike.groups, measured, verdicts, strict=True):
-        verdict = judge_expectations(expected[group] if expected else (), said["labels"], numbers)
-        found = said["expected"] and tuple(said["expected"])
-        if verdict != (found, said["expectation_met"], said["expectation_reason"]):
+    for run, group, numbers, stored_verdict in zip(
+        alike.ids, alike.groups, metric_values, verdicts, strict=True
+    ):
+        verdict = judge_expectations(
+            expected[group] if expected else (), stored_verdict["labels"], numbers
+        )
+        expected_labels = stored_verdict["expected"] and tuple(stored_verdict["expected"])
+        if verdict != (
+            expected_labels,
+            stored_verdict["expectation_met"],
+            stored_verdict["expectation_reason"],
+        ):
             yield f"run {run}: its stored verdict contradicts the expectations of the sweep"
         # Errors count only if the run has any.
         errors = numbers.keys() & Accuracy.model_fields.keys()
@@ -110,5 +120,5 @@ def _differing_verdicts(alike: RowGroups, scene: Scene, plan: Plan) -> Iterator[
             if not (lacks_errors and name in errors)
         }
         within = within_tolerances(plan.sweep.tolerances, compared)
-        if within != said["tolerances_met"]:
+        if within != stored_verdict["tolerances_met"]:
             yield f"run {run}: tolerances_met contradicts its metrics"

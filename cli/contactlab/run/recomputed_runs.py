@@ -117,8 +117,8 @@ def recomputed_problems(store: Store, chosen: NDArray[np.bool_] | None = None) -
                     units[name] = spec.unit
             for name in units.keys() & described.keys():
                 if described[name].unit != units[name]:
-                    found = described[name].unit
-                    yield f"{TABLE}: column {name} is in '{found}', not in '{units[name]}'"
+                    stored_unit = described[name].unit
+                    yield f"{TABLE}: column {name} is in '{stored_unit}', not in '{units[name]}'"
             plan = plan_again(identity, scene)
             yield from _differing_plan(store, scene, plan)
             of_all = None if is_slice(identity) else plan
@@ -135,20 +135,22 @@ def _differing_plan(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
     index = RunIndex(plan, scene)
     name, source, options = identity.name, identity.source, identity.overrides
     request = SweepRequest(plan, scene, name, source, options, store.address, workers=0)
-    planned = identity_of(request, index)
+    own_identity = identity_of(request, index)
     if is_slice(identity):
         if shard := shard_of(store.manifest.sweep):
-            index, planned = shard_of_sweep(parse_shard(shard), plan.sweep, index, planned)
+            index, own_identity = shard_of_sweep(
+                parse_shard(shard), plan.sweep, index, own_identity
+            )
         else:
             part = index.select_ids(np.isin(index.ids, store.columns.ids()))
-            index, planned = part, part_of(index, part, planned)
+            index, own_identity = part, part_of(index, part, own_identity)
     elif chosen := chosen_runs(plan, index):
-        read = columns.batches(["run_id", *chosen.read_by])
-        chosen.add_rows(row for rows in read for row in rows.to_pylist())
+        batches = columns.batches(["run_id", *chosen.read_by])
+        chosen.add_rows(row for rows in batches for row in rows.to_pylist())
         if chosen.next_runs().any():
             yield f"{TABLE}: runs are missing that the results of the others require"
-        _, planned = chosen.finished_part(index, planned)
-    ours, stored = planned.model_dump(), identity.model_dump()
+        _, own_identity = chosen.finished_part(index, own_identity)
+    ours, stored = own_identity.model_dump(), identity.model_dump()
     for key in (key for key in ours if ours[key] != stored[key]):
         yield f"{IDENTITY}: {key} contradicts the sweep's text and options"
     if columns.shared.get("severity") != list(LABELS):
@@ -198,8 +200,8 @@ class Resimulation:
         """Add a problem if fewer runs were simulated than requested."""
         if self.simulated < self.requested_runs:
             why = "; ".join(f"{count:,} {reason}" for reason, count in self.left_out.items())
-            said = f"simulated again: {self.simulated:,} of {self.requested_runs:,}"
-            self.problems.append(f"{said}: {why}" if why else said)
+            count_text = f"simulated again: {self.simulated:,} of {self.requested_runs:,}"
+            self.problems.append(f"{count_text}: {why}" if why else count_text)
 
 
 def simulate_again(store: Store, count: int, *, allow_code: bool = False) -> Resimulation:
@@ -208,44 +210,44 @@ def simulate_again(store: Store, count: int, *, allow_code: bool = False) -> Res
     A sample has runs that can be repeated, if there are enough.
     """
     columns = store.columns
-    found = Resimulation(min(count, columns.runs))
+    resimulation = Resimulation(min(count, columns.runs))
     if (why := why_ids_unverifiable(store)) is not None:
-        found.left_out[why] = found.requested_runs
-        found.add_shortage()
-        return found
+        resimulation.left_out[why] = resimulation.requested_runs
+        resimulation.add_shortage()
+        return resimulation
     scene = open_store_scene(store)
     # The code of a loop is not available, but that of an environment is.
     played = bool(scene.source.environment)
     order = random.sample(range(columns.runs), columns.runs)
-    with TemporaryDirectory() as folder, step_count("runs", found.requested_runs) as again:
+    with TemporaryDirectory() as folder, step_count("runs", resimulation.requested_runs) as again:
         identity = store.manifest.sweep
         sweep = stored_sweep(identity).model_copy(update={"trace": "all"})
         provenance, plugins = find_provenance(), loaded_plugins()
         task = Task(sweep, (), identity, Path(folder), store.scene_folder, provenance, plugins)
         worker = Worker(task, None)
         for row in order:
-            if found.simulated >= found.requested_runs:
+            if resimulation.simulated >= resimulation.requested_runs:
                 break
             stored = columns.row(row)
             if stored["status"] in {"crashed", "timeout"}:
-                found.left_out[f"ended by {stored['status']}, which is not repeated"] += 1
+                resimulation.left_out[f"ended by {stored['status']}, which is not repeated"] += 1
                 continue
             if stored.get("loop") and not played:
-                found.left_out["of a loop: its code is not in the store"] += 1
+                resimulation.left_out["of a loop: its code is not in the store"] += 1
                 continue
-            finish_step(again, found.simulated - again.finished_steps)
-            found.simulated += 1
+            finish_step(again, resimulation.simulated - again.finished_steps)
+            resimulation.simulated += 1
             record = store.record(stored["run_id"])
             if played:
                 replay = replay_run(store, record.run_id, allow_code=allow_code)
                 if not replay.equal:
-                    found.problems.append(
+                    resimulation.problems.append(
                         f"run {record.run_id}: simulated again, its hash is {replay.hash}"
                     )
                 continue
-            found.problems += _differing_fields(store, scene, worker, record, stored)
-    found.add_shortage()
-    return found
+            resimulation.problems += _differing_fields(store, scene, worker, record, stored)
+    resimulation.add_shortage()
+    return resimulation
 
 
 # Fields that depend on the sweep's expectations, which `recomputed_rows` judges again.
@@ -268,10 +270,10 @@ def compared_columns(store: Store) -> list[str]:
 
 def uncompared_parts(store: Store) -> list[str]:
     """Return the parts of records that no simulation of a run makes again, with reasons."""
-    asked, parts = store.manifest.sweep.resolved, list[str]()
-    if asked.get("accuracy"):
+    resolved, parts = store.manifest.sweep.resolved, list[str]()
+    if resolved.get("accuracy"):
         parts.append("errors: they are measured against references by a sweep alone")
-    if asked.get("timing"):
+    if resolved.get("timing"):
         parts.append("times: no run takes the same time again")
     if store.manifest.parameter_budgets:
         parts.append("error budgets of parameters: a sweep alone measures them")

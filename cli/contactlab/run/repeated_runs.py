@@ -24,7 +24,7 @@ def find_unrepeatable(task: Task, runs: list[RunSpec], workers: int, stop: Stop)
     pools = [(LocalPool(min(workers, 1)), 2)]
     if workers:
         pools.append((LocalPool(1, multiprocessing.get_context("spawn")), 1))
-    found: list[str] = []
+    unrepeatable: list[str] = []
     with temporary_folder() as folder:
         sweep = task.sweep.model_copy(update={"trace": "none", "checks": "none"})
         own = replace(task, sweep=sweep, store=Path(folder))
@@ -33,8 +33,8 @@ def find_unrepeatable(task: Task, runs: list[RunSpec], workers: int, stop: Stop)
             for pool, repeats in pools:
                 for result in pool.run(own, [(run,)] * repeats, stop):
                     if not isinstance(result, Crashed):
-                        said = [from_json(each.row) for each in result]
-                        rows += [[row.get(name) for name in _COMPARED] for row in said]
+                        run_rows = [from_json(each.row) for each in result]
+                        rows += [[row.get(name) for name in _COMPARED] for row in run_rows]
             if any(row != rows[0] for row in rows):
-                found.append(run.run_id)
-    return tuple(found)
+                unrepeatable.append(run.run_id)
+    return tuple(unrepeatable)

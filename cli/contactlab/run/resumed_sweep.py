@@ -103,16 +103,20 @@ def _scene_differences(stored: Scene, ours: Scene, runs: Iterable[RunSpec]) -> I
         source.manifest and source.manifest.model_dump() for source in (stored.source, ours.source)
     ]
     if manifests[0] != manifests[1]:
-        held, asked = (each or {} for each in manifests)
-        keys = [key for key in {**held, **asked} if held.get(key) != asked.get(key)]
+        stored_fields, own_fields = (each or {} for each in manifests)
+        keys = [
+            key
+            for key in {**stored_fields, **own_fields}
+            if stored_fields.get(key) != own_fields.get(key)
+        ]
         yield f"{SCENE_MANIFEST} has other {', '.join(keys)}"
     for structure, without in {(tuple(run.structure.items()), run.without): None for run in runs}:
         models = [scene.base(dict(structure), without).model for scene in (stored, ours)]
         if fields := differing_fields(*models):
             most_fields = 4
-            named = ", ".join(fields[:most_fields])
+            field_names = ", ".join(fields[:most_fields])
             more = ", ..." if len(fields) > most_fields else ""
-            yield f"{ours.source.content.model.name} has other {named}{more}"
+            yield f"{ours.source.content.model.name} has other {field_names}{more}"
 
 
 def _named_files(scene: Scene) -> dict[str, Path]:

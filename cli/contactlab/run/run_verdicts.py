@@ -41,8 +41,8 @@ def judge_expectations(
         for reason in _unmet_expectations(expectation, labels, metrics)
     ]
     expected = [label for expectation in expectations for label in expectation.label or ()]
-    met = not unmet if expectations else None
-    return tuple(dict.fromkeys(expected)) or None, met, "; ".join(unmet) or None
+    is_met = not unmet if expectations else None
+    return tuple(dict.fromkeys(expected)) or None, is_met, "; ".join(unmet) or None
 
 
 def within_tolerances(
@@ -53,11 +53,12 @@ def within_tolerances(
     A metric that could not be measured is not within. Errors against a reference are judged
     separately, because a later pass computes them.
     """
-    measured = {name: metrics[name] for name in tolerances if name in metrics}
-    if not measured:
+    judged_values = {name: metrics[name] for name in tolerances if name in metrics}
+    if not judged_values:
         return None
     return all(
-        value is not None and abs(value) <= tolerances[name] for name, value in measured.items()
+        value is not None and abs(value) <= tolerances[name]
+        for name, value in judged_values.items()
     )
 
 
@@ -106,9 +107,11 @@ def unmet_means(plan: Plan | None, table: "RunColumns") -> Iterator[str]:
         return
     columns = table.to_pydict(["index", *names])
     places = {index: row for row, index in enumerate(columns["index"])}
-    known = [(run.values, places[run.index]) for run in plan.iterate_runs() if run.index in places]
+    stored_runs = [
+        (run.values, places[run.index]) for run in plan.iterate_runs() if run.index in places
+    ]
     for match, expectation in plan.expected:
-        rows = [row for values, row in known if expectation.mean and match.is_met(values)]
+        rows = [row for values, row in stored_runs if expectation.mean and match.is_met(values)]
         for name, bounds in expectation.mean.items():
             values = [columns[name][row] for row in rows]
             mean = None if None in values or not rows else sum(values) / len(rows)
@@ -124,7 +127,7 @@ def missing_effects(
     would oppose motion in contacts, and limits that joints exceed. The trace is that of a group.
     """
     pull = float(pull_of(model.opt.gravity[None], float(model.stat.meansize))[0])
-    seen = {
+    effect_texts = {
         name: _first_opposed_motion(trace, run, name, pull) for name in _MOTIONS if name in effects
     }
     if "limit" in effects:
@@ -138,11 +141,11 @@ def missing_effects(
                 steps = np.flatnonzero((place < low) | (place > high))
                 beyond += [(step, name_of(model, "joint", joint)) for step in steps[:1].tolist()]
         if not beyond:
-            seen["limit"] = None
+            effect_texts["limit"] = None
         else:
             step, name = min(beyond, key=itemgetter(0))
-            seen["limit"] = f"{name} passes its limit from step {step}"
-    return {name: text for name, text in seen.items() if text is not None}
+            effect_texts["limit"] = f"{name} passes its limit from step {step}"
+    return {name: text for name, text in effect_texts.items() if text is not None}
 
 
 def _first_opposed_motion(trace: Trace, run: int, name: str, pull: float) -> str | None:

@@ -14,8 +14,8 @@ _KEYS_OF_ALL_RUNS = ("refine", "until", "search", "accuracy", "timing")
 
 def parse_shard(text: str) -> tuple[int, int]:
     """Return number and count of shards from text such as 3/64. Raises a SweepFileError."""
-    found = _SHARD_TEXT.fullmatch(text)
-    number, shards = map(int, found.groups()) if found else (0, 0)
+    match = _SHARD_TEXT.fullmatch(text)
+    number, shards = map(int, match.groups()) if match else (0, 0)
     if not 1 <= number <= shards:
         raise SweepFileError(f"--shard {text}: write N/M, such as 3/64; N counts from 1 to M")
     return number, shards

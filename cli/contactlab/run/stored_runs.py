@@ -185,7 +185,9 @@ def answer_requests(store: Store, lines: Iterator[str]) -> Iterator[dict[str, An
     yield {
         "engine": f"{own.name} {own.version}",
         "timed_engines": [
-            timed.name for timed in ENGINES.values() if isinstance(timed, TimesSteps)
+            engine_class.name
+            for engine_class in ENGINES.values()
+            if isinstance(engine_class, TimesSteps)
         ],
         "contactlab": version("contactlab"),
     }

@@ -17,7 +17,7 @@ def find_sweep_advisories(index: RunIndex, scene: Scene) -> tuple[tuple[Advisory
 
     If a sweep has many models, some are examined, evenly spread over it.
     """
-    counts, found, models = Counter[str](), dict[str, Advisory](), 0
+    counts, advisories, models = Counter[str](), dict[str, Advisory](), 0
     most_models = 64  # each takes about a millisecond
     last = None
     for run in index.select_shard(1, -(-len(index) // most_models)).iterate_runs():
@@ -28,8 +28,10 @@ def find_sweep_advisories(index: RunIndex, scene: Scene) -> tuple[tuple[Advisory
         engine = engine_of(run)
         model = scene.base_of(run).prepare(run.edits()).model
         installed = InstalledEngine(engine.name, engine.version)
-        met = find_met_advisories(model, installed, lambda: scene.source.elements)
-        found |= {each.id: each for each in met}
-        counts.update(each.id for each in met)
+        met_advisories = find_met_advisories(model, installed, lambda: scene.source.elements)
+        advisories |= {each.id: each for each in met_advisories}
+        counts.update(each.id for each in met_advisories)
         models += 1
-    return tuple((found[name], f"{counts[name]} of {models} models") for name in sorted(found))
+    return tuple(
+        (advisories[name], f"{counts[name]} of {models} models") for name in sorted(advisories)
+    )

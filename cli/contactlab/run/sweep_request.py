@@ -81,19 +81,19 @@ def read_request(  # noqa: PLR0913 - one argument an option
     options = overrides or Overrides()
     written_here = isinstance(source, Mapping)
     scenes = SceneLoader(folder, drive, allow_code=allow_code, written_here=written_here)
-    read = read_sweep(source, partial(scenes.vocabulary, lenient=partly), options)
-    scene, plan = scenes.for_sweep(read)
+    sweep_file = read_sweep(source, partial(scenes.vocabulary, lenient=partly), options)
+    scene, plan = scenes.for_sweep(sweep_file)
     plan, reasons = supported_plan(plan)
-    written = [f"--set {assignment}" for assignment in options.assign]
-    written += [f"--where {condition}" for condition in options.where]
-    written += [] if options.limit is None else [f"--limit {options.limit}"]
-    written += [] if drive is None else [f"--drive {drive_text(drive)}"]
+    options_text = [f"--set {assignment}" for assignment in options.assign]
+    options_text += [f"--where {condition}" for condition in options.where]
+    options_text += [] if options.limit is None else [f"--limit {options.limit}"]
+    options_text += [] if drive is None else [f"--drive {drive_text(drive)}"]
     return SweepRequest(
         plan=plan,
         scene=scene,
         name=name,
-        source=read.text,
-        overrides=tuple(written),
+        source=sweep_file.text,
+        overrides=tuple(options_text),
         store=store,
         workers=workers,
         left_out=reasons,
@@ -103,16 +103,16 @@ def read_request(  # noqa: PLR0913 - one argument an option
 def supported_plan(plan: Plan) -> tuple[Plan, tuple[str, ...]]:
     """Return a plan without rows that this engine does not support, and the distinct reasons."""
     concerned = incomplete_axes().intersection(plan.grid.names)
-    taken = ((name, value) for name in concerned for value in plan.grid.axis_values(name))
-    if not any(starmap(why_unsupported, taken)):
+    axis_settings = ((name, value) for name in concerned for value in plan.grid.axis_values(name))
+    if not any(starmap(why_unsupported, axis_settings)):
         return plan, ()
     rows = list(plan.grid.iterate_rows())
     reasons = [next(filter(None, starmap(why_unsupported, row.items())), None) for row in rows]
-    left = tuple(row for row, reason in zip(rows, reasons, strict=True) if reason is None)
+    supported_rows = tuple(row for row, reason in zip(rows, reasons, strict=True) if reason is None)
     grid = replace(
-        plan.grid, base={}, blocks=None, excludes=(), included_rows=left, baseline_rows=()
+        plan.grid, base={}, blocks=None, excludes=(), included_rows=supported_rows, baseline_rows=()
     )
-    count = min(plan.count, len(left) * len(plan.sweep.seed_values))
+    count = min(plan.count, len(supported_rows) * len(plan.sweep.seed_values))
     distinct = dict.fromkeys(filter(None, reasons))
     return replace(plan, grid=grid, count=count), tuple(distinct)
 
@@ -172,9 +172,9 @@ class SceneLoader:
             )
         return self._driven[key]
 
-    def for_sweep(self, read: SweepFile) -> tuple[Scene, Plan]:
+    def for_sweep(self, sweep_file: SweepFile) -> tuple[Scene, Plan]:
         """Return the scene of a sweep, and the sweep's plan with the hash of its drive."""
-        sweep = read.sweep
+        sweep = sweep_file.sweep
         if sweep.drive is not None and self.drive is None:
             scene = self._open_driven(sweep.scene, sweep.drive)
         else:
@@ -182,17 +182,19 @@ class SceneLoader:
         # The manifest's drive is already in the scene's own copy.
         own = self._open_undriven(sweep.scene).drive
         drive = None if scene.drive == own else scene.drive.drive
-        located = read.plan.sweep.model_copy(update={"drive": drive})
-        return scene.with_effects(effects_base(sweep.effects)), replace(read.plan, sweep=located)
+        located = sweep_file.plan.sweep.model_copy(update={"drive": drive})
+        return scene.with_effects(effects_base(sweep.effects)), replace(
+            sweep_file.plan, sweep=located
+        )
 
     def vocabulary(self, reference: str, *, lenient: bool = False) -> Vocabulary:
         """Return every name that a sweep of the scene may use; lenient, also of newer versions."""
         scene = self._open_undriven(reference)
-        taken = RESERVED_COLUMNS | set(METRICS)
+        reserved_names = RESERVED_COLUMNS | set(METRICS)
 
         def find_axis(name: str) -> AxisSpec | None:
             # Columns and coordinates may share a name, which then means the column.
-            if name in taken and scene.catalogue.sets_start(name):
+            if name in reserved_names and scene.catalogue.sets_start(name):
                 return None
             return scene.catalogue.find(name, lenient=lenient)
 
@@ -221,7 +223,9 @@ class SceneLoader:
             asks=bool(manifest and manifest.must),
             mistake_in_requirement=broken,
             mistake_in_drive=check_drive,
-            coordinates=[name for name in scene.catalogue.coordinate_names if name not in taken],
+            coordinates=[
+                name for name in scene.catalogue.coordinate_names if name not in reserved_names
+            ],
         )
 
 

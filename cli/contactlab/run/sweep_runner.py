@@ -91,10 +91,10 @@ def run_sweep(
     if not len(index):
         raise SweepFileError(f"sweep '{request.name}' has no runs; see `--plan`")
     stored = None if request.fresh else read_stored_identity(request.store)
-    kept, files = keep_stored_scene(request, stored, index.firsts.values())
-    if kept is not request:
+    stored_request, files = keep_stored_scene(request, stored, index.firsts.values())
+    if stored_request is not request:
         _LOG.info("the files of the scene are written differently; runs use the store's copy")
-        request, index = kept, RunIndex(kept.plan, kept.scene)
+        request, index = stored_request, RunIndex(stored_request.plan, stored_request.scene)
     # Columns of axes are typed by their values; an environment adds some of its own.
     firsts, own = index.firsts.values(), request.scene.source.environment
     names = dict.fromkeys(chain.from_iterable(run.axes for run in firsts))
@@ -133,9 +133,9 @@ def run_sweep(
         shared = shared_fields(identity)
         # A shard cannot conclude over all runs.
         plan, budgets = (None, ()) if request.shard else (request.plan, parameter_budgets(session))
-        met = tuple(each.id for each, _ in find_sweep_advisories(index, request.scene))
+        met_advisories = tuple(each.id for each, _ in find_sweep_advisories(index, request.scene))
         unrepeatable = _repeat_some(session)
-        conclusion = partial(conclude_runs, plan, [*budgets], met, unrepeatable)
+        conclusion = partial(conclude_runs, plan, [*budgets], met_advisories, unrepeatable)
         return store.finish_store(columns, shared, task.provenance, values, identity, conclusion)
 
 
@@ -178,8 +178,8 @@ def _run_chosen(session: SweepSession, chosen: ChosenRuns) -> tuple[SweepSession
         chosen.learn_finished(finished)
         session.progress(finished)
 
-    while (wanted := chosen.next_runs()).any():
-        index = whole.select_ids(wanted)
+    while (is_chosen := chosen.next_runs()).any():
+        index = whole.select_ids(is_chosen)
         if chosen.purpose != "record":
             jobs = pack_jobs(
                 index.iterate_runs(), len(index), session.scene, session.executor.workers
@@ -198,25 +198,25 @@ def _repeat_some(session: SweepSession) -> tuple[str, ...]:
     if task.policy is None or session.stop.is_set:
         return ()
     some = [*islice(runs, 1)]
-    found = find_unrepeatable(task, some, session.executor.workers, session.stop)
-    for run_id in found:
+    unrepeatable = find_unrepeatable(task, some, session.executor.workers, session.stop)
+    for run_id in unrepeatable:
         _LOG.warning(
             "run %s does not repeat: simulated again, its motion or controls differed; the policy "
             "may draw from a generator without a seed, read a clock, or depend on its process",
             run_id,
         )
-    return found
+    return unrepeatable
 
 
 def _run_missing(session: SweepSession) -> None:
     index, store, executor = session.index, session.store, session.executor
-    done = index.count_done(store.done)
+    done_count = index.count_done(store.done)
     native = session.task.policy is None and isinstance(executor, LocalPool)
     native &= MODEL_ENGINE in {run.engine for run in index.firsts.values()}
-    if native and done < len(index) and (reason := reason_for_sensors()):
+    if native and done_count < len(index) and (reason := reason_for_sensors()):
         _LOG.warning("contacts are read by sensors, which takes longer: %s", reason)
     rest = index.iterate_runs(store.done)
-    jobs = pack_jobs(rest, len(index) - done, session.scene, executor.workers)
+    jobs = pack_jobs(rest, len(index) - done_count, session.scene, executor.workers)
     # Closed at once if a row is interrupted: workers end before the store removes temporary files.
     with closing(run_all_jobs(session.task, jobs, executor, session.stop)) as results:
         for finished in results:
@@ -251,9 +251,9 @@ def identity_of(request: SweepRequest, index: RunIndex) -> SweepIdentity:
     scene, sweep = request.scene, request.plan.sweep
     manifest, drives = scene.source.manifest, [run.drive for run in index.firsts.values()]
     moved = any(drive not in ("none", "hold") for drive in drives)
-    timed = bool(manifest and manifest.control) or moved
+    has_inputs = bool(manifest and manifest.control) or moved
     engines = {run.engine: engine_of(run) for run in index.firsts.values()}.values()
-    lacking = [used.null_fields(driven=timed).items() for used in engines]
+    lacking = [engine_class.null_fields(driven=has_inputs).items() for engine_class in engines]
     lacking += [own.missing_fields(sweep).items()] if (own := scene.source.environment) else []
     # The first baseline row of the grid, with the first seed.
     baseline = [
@@ -305,8 +305,10 @@ def measured_columns(runs: Iterable[RunSpec], axes: Iterable[str] = ()) -> list[
 
     A PluginError names a metric with the name of another column, such as that of an axis.
     """
-    if taken := sorted(METRICS.keys() & {*RESERVED_COLUMNS, *axes}):
-        raise PluginError(f"'{taken[0]}' is the name of a column of this table; rename the metric")
+    if clashing_names := sorted(METRICS.keys() & {*RESERVED_COLUMNS, *axes}):
+        raise PluginError(
+            f"'{clashing_names[0]}' is the name of a column of this table; rename the metric"
+        )
     metrics = [
         Column(m.name, REAL, m.unit, m.definition, m.better, m.resolution, m.kind == "check")
         for m in METRICS.values()

@@ -287,14 +287,14 @@ def _run_job(worker: Worker, job: Job) -> Result | Exception:
     except ContactlabError as error:
         return error
     except BaseException as error:
-        said = error_text(error)
-        if isinstance(error, MemoryError) or _NO_MEMORY.search(said):
-            text = said.partition(": ")[2] or "the worker cannot get more"
+        message = error_text(error)
+        if isinstance(error, MemoryError) or _NO_MEMORY.search(message):
+            text = message.partition(": ")[2] or "the worker cannot get more"
             return Crashed(job, f"out of memory: {text}", timed_out=False)
         if ends_command(error):
             raise
         if isinstance(error, OSError):
-            return OutputError(f"a worker cannot go on: {said}")
+            return OutputError(f"a worker cannot go on: {message}")
         return Crashed(job, in_one_line(error, __file__), timed_out=False)
 
 

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 def number_array(values: NDArray[np.number]) -> pa.Array:
     """Return (n,) integers or floats as an array of Arrow, without nulls."""
-    held = np.ascontiguousarray(values)
-    kind = pa.from_numpy_dtype(held.dtype)
-    return pa.Array.from_buffers(kind, len(held), [None, pa.py_buffer(held)])
+    contiguous = np.ascontiguousarray(values)
+    kind = pa.from_numpy_dtype(contiguous.dtype)
+    return pa.Array.from_buffers(kind, len(contiguous), [None, pa.py_buffer(contiguous)])
 
 
 def zero_scalar(kind: pa.DataType) -> pa.Scalar:

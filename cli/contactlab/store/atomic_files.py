@@ -134,8 +134,11 @@ def move_folder(source: Path, target: Path) -> None:
     try:
         source.rename(target)
     except OSError:
-        found = target.stat() if target.exists() and not source.exists() else None
-        if found is None or (found.st_dev, found.st_ino) != (moved.st_dev, moved.st_ino):
+        target_state = target.stat() if target.exists() and not source.exists() else None
+        if target_state is None or (target_state.st_dev, target_state.st_ino) != (
+            moved.st_dev,
+            moved.st_ino,
+        ):
             raise
 
 

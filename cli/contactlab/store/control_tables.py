@@ -28,13 +28,13 @@ def read_control_table(path: Path) -> Columns:
     A column of vectors, such as the arrays of .npz files, becomes `NAME[0]`, `NAME[1]`, ... Raises
     a SceneError if it cannot be read, or has cells that are not numbers, or columns of two lengths.
     """
-    read = _READERS.get(path.suffix.lower())
-    if read is None:
-        known = ", ".join(_READERS)
-        raise SceneError(f"{path.name} is not a table of columns; write a file {known}")
+    read_columns = _READERS.get(path.suffix.lower())
+    if read_columns is None:
+        suffixes = ", ".join(_READERS)
+        raise SceneError(f"{path.name} is not a table of columns; write a file {suffixes}")
     try:
         check_extent(path.stat().st_size)
-        columns = read(path)
+        columns = read_columns(path)
     except Exception as error:
         # Each format's library raises different errors.
         reason = str(error) or type(error).__name__
@@ -95,8 +95,8 @@ def _column_cells(column: pa.ChunkedArray) -> object:
         numbers = pa.types.is_primitive(kind.value_type)
         return rows if numbers and len({row and len(row) for row in rows}) == 1 else unused
     # Unused columns may contain words and pictures, which are not numbers.
-    known = pa.types.is_primitive(kind) or pa.types.is_decimal(kind)
-    return column.to_numpy() if known else unused
+    is_numeric = pa.types.is_primitive(kind) or pa.types.is_decimal(kind)
+    return column.to_numpy() if is_numeric else unused
 
 
 def _read_npz(path: Path) -> Columns:

@@ -146,9 +146,9 @@ class Store:
 
     def miscounts(self) -> Iterator[str]:
         """Yield the counts of the manifest that differ from those of the table."""
-        for name, counted in count_outcomes(self.columns.batches(OUTCOME_COLUMNS)).items():
-            if (stated := getattr(self.manifest, name)) != counted:
-                yield f"{name} is {stated}, but {TABLE} has {counted}"
+        for name, count in count_outcomes(self.columns.batches(OUTCOME_COLUMNS)).items():
+            if (stated := getattr(self.manifest, name)) != count:
+                yield f"{name} is {stated}, but {TABLE} has {count}"
 
     @cached_property
     def backend(self) -> Backend:
@@ -299,7 +299,7 @@ class Store:
         return self._read_trace(run, read_messages)
 
     def _read_trace(
-        self, run: EvidenceRecord | str, read: Callable[[Path, object], _StoreContent]
+        self, run: EvidenceRecord | str, read_content: Callable[[Path, object], _StoreContent]
     ) -> _StoreContent:
         record = self.record(run) if isinstance(run, str) else run
         if record.trace is None:
@@ -317,7 +317,7 @@ class Store:
                     f"{self.address / record.trace.file}: changed since it was written; repeat "
                     "the run"
                 )
-            return read(path, self.address / record.trace.file)
+            return read_content(path, self.address / record.trace.file)
 
     @contextmanager
     def trace_file(self, trace: TraceFile) -> Generator[Path]:
@@ -337,7 +337,7 @@ def similar_ids(run: str, ids: pa.Array) -> list[str]:
 
     They share the longest possible prefix or suffix with it.
     """
-    found: list[str] = []
+    similar: list[str] = []
     lengths = range(1, len(run) + 1)
     max_similar = 32  # of each kind of likeness; a caller ranks them
     for function, parts in (
@@ -352,8 +352,8 @@ def similar_ids(run: str, ids: pa.Array) -> list[str]:
             if not len(matches):
                 break
             longest = matches
-        found += longest[:max_similar].to_pylist()
-    return found
+        similar += longest[:max_similar].to_pylist()
+    return similar
 
 
 def _match_ids(ids: pa.Array, function: str, part: str) -> pa.BooleanArray:

@@ -149,11 +149,11 @@ class _FieldCheck:
     def _wrong_texts(self, column: pa.Array) -> Truths:
         """Return (n,) a mask of texts that the field does not accept; each text is tried once."""
         different = {text for text in column.unique().to_pylist() if text is not None}
-        tried = different - self._known
+        new_texts = different - self._known
         wrong = (
             set[str]()
-            if self._accepts_texts(*tried)
-            else {text for text in tried if not self._accepts_texts(text)}
+            if self._accepts_texts(*new_texts)
+            else {text for text in new_texts if not self._accepts_texts(text)}
         )
         # Most texts of a column that are cached as valid.
         if len(self._known) < 1 << 12:
@@ -198,10 +198,10 @@ def _wrong_values(column: pa.Array, kinds: Collection[pa.DataType]) -> Truths:
 
 def _any_of_lists(column: pa.Array, entries: Truths) -> Truths:
     """Return (n,) a mask of lists with any marked entry, from the mask of all entries."""
-    found = np.zeros(len(column), bool)
+    has_entry = np.zeros(len(column), bool)
     if entries.any():
-        found[np.repeat(np.arange(len(column)), list_lengths(column))[entries]] = True
-    return found
+        has_entry[np.repeat(np.arange(len(column)), list_lengths(column))[entries]] = True
+    return has_entry
 
 
 def _has_part(columns: Columns, checks: Sequence[_FieldCheck]) -> Truths:
@@ -274,10 +274,12 @@ def _wrong_ends(columns: Columns, metrics: Iterable[str]) -> Truths:
     ended = np.array([status in {"crashed", "timeout"} for status in statuses], bool)
     if not ended.any():
         return ended
-    left = ~equal_values(columns["label"], columns["status"]) | (numpy_array(columns["steps"]) != 0)
+    has_results = ~equal_values(columns["label"], columns["status"]) | (
+        numpy_array(columns["steps"]) != 0
+    )
     for name in ("trajectory_hash", "trace_file", *metrics):
-        left |= ~is_null(columns[name])
-    return ended & left
+        has_results |= ~is_null(columns[name])
+    return ended & has_results
 
 
 def _misnamed_traces(columns: Columns) -> Truths:
@@ -295,7 +297,7 @@ def _wrong_cost(columns: Columns, budget: float | None) -> Truths:
     timestep = settings.field(settings.type.get_field_index("timestep"))
     if timestep.type not in {_REAL_TYPE, _WHOLE_TYPE}:
         return np.ones(len(settings), bool)
-    of_sim, of_budget, used = (
+    of_sim, of_budget, budget_share = (
         columns[f"cost_{name}"] for name in ("cpu_per_sim_s", "latency_budget_s", "latency_used")
     )
     cpu, steps = (numpy_array(columns[name]).astype(float) for name in ("cost_cpu_s", "steps"))
@@ -305,8 +307,8 @@ def _wrong_cost(columns: Columns, budget: float | None) -> Truths:
         if budget:
             wrong |= is_null(of_budget) | (numpy_array(of_budget) != budget)
             is_used = steps != 0
-            wrong |= is_used == is_null(used)
-            wrong |= is_used & (numpy_array(used) != cpu / steps / budget)
+            wrong |= is_used == is_null(budget_share)
+            wrong |= is_used & (numpy_array(budget_share) != cpu / steps / budget)
         else:
-            wrong |= ~is_null(used) | ~is_null(of_budget)
+            wrong |= ~is_null(budget_share) | ~is_null(of_budget)
     return is_null(timestep) | (wrong & ~is_null(columns["cost_cpu_s"]))

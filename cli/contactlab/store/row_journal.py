@@ -109,7 +109,7 @@ def repair_journal(
     path = folder / JOURNAL
     if not path.is_file():
         return frozenset()
-    kept: set[str] = set()
+    kept_ids: set[str] = set()
     good = bytearray()
     reader = _LineReader(check)
     with path.open("rb") as lines:
@@ -126,9 +126,9 @@ def repair_journal(
                     f"{shown_path or path}, line {number} {error}; add --repair to keep the valid "
                     "runs and run the others again"
                 ) from error
-            good[-1] = row is None or (row["run_id"] not in kept and is_complete(row))
+            good[-1] = row is None or (row["run_id"] not in kept_ids and is_complete(row))
             if row and good[-1]:
-                kept.add(row["run_id"])
+                kept_ids.add(row["run_id"])
     if not all(good):
         with (
             path.open("rb") as stored,
@@ -136,7 +136,7 @@ def repair_journal(
             temporary.open("wb") as repaired,
         ):
             repaired.writelines(itertools.compress(stored, good))
-    return frozenset(kept)
+    return frozenset(kept_ids)
 
 
 def end_torn_line(path: Path) -> None:

@@ -74,10 +74,13 @@ class RowGroups:
 
     def differing_rows(self, name: str) -> NDArray[np.bool_]:
         """Return (n,) whether rows differ from their group's first in a column of structs."""
-        first, found = number_array(self._firsts[self._group]), np.zeros(len(self._rows), bool)
+        first, is_different = (
+            number_array(self._firsts[self._group]),
+            np.zeros(len(self._rows), bool),
+        )
         for entry in self._rows[name].flatten():
-            found |= ~equal_values(entry, compute_digests("take", entry, first))
-        return found
+            is_different |= ~equal_values(entry, compute_digests("take", entry, first))
+        return is_different
 
 
 def _equality_codes(column: pa.Array) -> NDArray[np.int64]:

@@ -62,8 +62,8 @@ class RunColumns:
         try:
             check_layout(self._file.schema_arrow, shared_fields(self._file.schema_arrow))
         except (ValueError, TypeError, LookupError, RecursionError) as error:
-            said = error if isinstance(error, ValueError | TypeError) else type(error).__name__
-            raise StoreError(f"{self.path} is damaged: {said}") from error
+            reason = error if isinstance(error, ValueError | TypeError) else type(error).__name__
+            raise StoreError(f"{self.path} is damaged: {reason}") from error
         # Cached parts of rows, for requests of neighboring rows.
         self._part_of = lru_cache(4)(self._read_part)
 
@@ -122,10 +122,10 @@ class RunColumns:
 
     def ids(self) -> NDArray[np.uint64]:
         """Return (runs,) the ids of the runs as 64-bit numbers."""
-        found = np.empty(self.runs, np.uint64)
+        all_ids = np.empty(self.runs, np.uint64)
         for rows, ids in self.parts("run_id"):
-            found[rows] = self._id_numbers(ids)
-        return found
+            all_ids[rows] = self._id_numbers(ids)
+        return all_ids
 
     def plan_hash(self, seeds: int) -> str:
         """Return the hash of the plan with all of these runs, with `seeds` seeds per row."""
@@ -160,17 +160,17 @@ class RunColumns:
     @cached_property
     def axis_names(self) -> tuple[str, ...]:
         """The names of the swept axes, in table order."""
-        used = set[str]()
+        used_names = set[str]()
         for _, lists in self.parts("axis_names"):
-            used.update(compute_digests("list_flatten", lists).unique().to_pylist())
-        return tuple(name for name in self.schema.names if name in used)
+            used_names.update(compute_digests("list_flatten", lists).unique().to_pylist())
+        return tuple(name for name in self.schema.names if name in used_names)
 
     def varies(self, name: str) -> bool:
         """Return whether a column has more than one value; null counts as a value."""
-        found = set[Any]()
+        values = set[Any]()
         for _, column in self.parts(name):
-            found.update(_python_values(column.unique()))
-            if len(found) > 1:
+            values.update(_python_values(column.unique()))
+            if len(values) > 1:
                 return True
         return False
 
@@ -181,10 +181,10 @@ class RunColumns:
 
     def has_value(self, name: str) -> NDArray[np.bool_]:
         """Return (runs,) whether a column has a value."""
-        found = np.empty(self.runs, np.bool_)
+        is_present = np.empty(self.runs, np.bool_)
         for rows, column in self.parts(name):
-            found[rows] = numpy_array(compute_digests("is_valid", column))
-        return found
+            is_present[rows] = numpy_array(compute_digests("is_valid", column))
+        return is_present
 
     def has_finite(self, name: str) -> bool:
         """Return whether a numeric column has any finite value."""
@@ -213,50 +213,55 @@ class RunColumns:
 
     def coded(self, name: str) -> CodedColumn:
         """Return a column by its stored codes, without expanding its text."""
-        found, known, nulls = np.empty(self.runs, np.int32), dict[Any, int](), False
+        codes_of_runs, codes_by_word, nulls = np.empty(self.runs, np.int32), dict[Any, int](), False
         by_codes = pq.ParquetFile(
             self._source, metadata=self._file.metadata, read_dictionary=[name]
         )
         for rows, column in self.parts(name, by_codes):
             encoded = column.dictionary_encode()
             words = _python_values(encoded.dictionary)
-            codes = np.array([known.setdefault(word, len(known)) for word in words], np.int32)
+            codes = np.array(
+                [codes_by_word.setdefault(word, len(codes_by_word)) for word in words], np.int32
+            )
             is_valid = numpy_array(compute_digests("is_valid", encoded.indices))
             nulls = nulls or not is_valid.all()
-            found[rows] = -1
-            found[rows][is_valid] = codes[numpy_array(encoded.indices)[is_valid]]
-        found[found < 0] = len(known)
-        return CodedColumn(found, (*known, *([None] if nulls else [])))
+            codes_of_runs[rows] = -1
+            codes_of_runs[rows][is_valid] = codes[numpy_array(encoded.indices)[is_valid]]
+        codes_of_runs[codes_of_runs < 0] = len(codes_by_word)
+        return CodedColumn(codes_of_runs, (*codes_by_word, *([None] if nulls else [])))
 
     def string_sets(self, name: str) -> tuple[NDArray[np.int64], tuple[str, ...]]:
         """Return a column of lists of strings as bit masks, and the strings, at most 64.
 
         Bit i of a mask (n,) tells whether string i is in the list.
         """
-        masks, known = np.zeros(self.runs, np.int64), dict[str, int]()
+        masks, bits_by_word = np.zeros(self.runs, np.int64), dict[str, int]()
         for rows, lists in self.parts(name):
             entries = compute_digests("list_flatten", lists).dictionary_encode()
-            words = [known.setdefault(word, len(known)) for word in entries.dictionary.to_pylist()]
+            words = [
+                bits_by_word.setdefault(word, len(bits_by_word))
+                for word in entries.dictionary.to_pylist()
+            ]
             # A bit each in a 64-bit mask.
-            if len(known) > 64:
+            if len(bits_by_word) > 64:
                 raise StoreError(
-                    f"{self.path} is damaged: {len(known)} different strings in '{name}'"
+                    f"{self.path} is damaged: {len(bits_by_word)} different strings in '{name}'"
                 )
             bits = (np.int64(1) << np.array(words, np.int64))[numpy_array(entries.indices)]
             places = numpy_array(compute_digests("list_parent_indices", lists))
             np.bitwise_or.at(masks[rows], places, bits)
-        return masks, tuple(known)
+        return masks, tuple(bits_by_word)
 
     def byte_strings(self, name: str) -> NDArray[np.bytes_]:
         """Return (n,) strings as fixed-length bytes, for ids and hashes; empty for nulls."""
         lengths = (compute_digests("binary_length", column) for _, column in self.parts(name))
         width = max((compute_digests("max", part).as_py() or 1 for part in lengths), default=1)
-        found = np.empty(self.runs, f"S{width}")
+        texts = np.empty(self.runs, f"S{width}")
         for rows, column in self.parts(name):
             filled = compute_digests("coalesce", column, text_scalar(""))
             padded = compute_digests("utf8_rpad", filled, options=pc.PadOptions(width, "\0"))
-            found[rows] = np.frombuffer(padded.buffers()[2], found.dtype, len(padded))
-        return found
+            texts[rows] = np.frombuffer(padded.buffers()[2], texts.dtype, len(padded))
+        return texts
 
     def identify(self, rows: Sequence[int]) -> list[dict[str, Any]]:
         """Return run id, seed and axis values of some runs."""
@@ -264,12 +269,12 @@ class RunColumns:
 
     def select_values(self, names: Sequence[str], rows: Sequence[int]) -> list[dict[str, Any]]:
         """Return the values of some runs in some columns, reading only their row groups."""
-        found: list[dict[str, Any]] = []
+        selected: list[dict[str, Any]] = []
         with table_errors(self.path):
             for row in rows:
                 start, part = self._find_part(row, tuple(names))
-                found += part.slice(row - start, 1).to_pylist()
-        return found
+                selected += part.slice(row - start, 1).to_pylist()
+        return selected
 
     def _find_part(self, row: int, names: tuple[str, ...]) -> tuple[int, pa.RecordBatch]:
         """Return the first row, and the content, of the part of a row group with a row."""
@@ -391,9 +396,9 @@ def _validate_rows(rows: pa.RecordBatch) -> pa.RecordBatch:
     return rows
 
 
-def rows_of(rows: _Rows, wanted: NDArray[np.bool_]) -> _Rows:
+def rows_of(rows: _Rows, is_wanted: NDArray[np.bool_]) -> _Rows:
     """Return the wanted (n,) rows, or entries of a column."""
-    return compute_digests("take", rows, number_array(np.flatnonzero(wanted)))
+    return compute_digests("take", rows, number_array(np.flatnonzero(is_wanted)))
 
 
 def hash_of_ids(parts: Iterable[NDArray[np.uint64]]) -> str:
@@ -401,9 +406,9 @@ def hash_of_ids(parts: Iterable[NDArray[np.uint64]]) -> str:
 
     They come in parts (n,), each converted to text some ids at a time.
     """
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     hash_block = 1 << 16  # 1 MiB of text
     for ids in parts:
         for first in range(0, len(ids), hash_block):
-            found.update(ids[first : first + hash_block].astype(">u8").tobytes().hex().encode())
-    return found.hexdigest()[:32]
+            digest.update(ids[first : first + hash_block].astype(">u8").tobytes().hex().encode())
+    return digest.hexdigest()[:32]

@@ -225,8 +225,8 @@ class _RowSource:
         while len(self._left) < count:
             batch = pa.Table.from_batches([next(self._batches)])
             self._left = pa.concat_tables([self._left, batch])
-        found, self._left = self._left.slice(0, count), self._left.slice(count)
-        return found
+        first_rows, self._left = self._left.slice(0, count), self._left.slice(count)
+        return first_rows
 
 
 class _RowReader:
@@ -265,16 +265,20 @@ class _RowReader:
             }
             return rows
         absent = ((field.name, pa.nulls(len(rows), field.type)) for field in self._schema)
-        found = dict(zip(rows.column_names, rows.columns, strict=True))
-        return pa.table({**dict(absent), **found}, schema=self._schema)
+        stored_columns = dict(zip(rows.column_names, rows.columns, strict=True))
+        return pa.table({**dict(absent), **stored_columns}, schema=self._schema)
 
 
 def _fill_nulls(own: pa.ChunkedArray, shared: pa.ChunkedArray, places: pa.Array) -> pa.ChunkedArray:
     """Return a column of rows, with nulls replaced by the shared values at these indices."""
     if shared.null_count == len(shared):
         return own
-    taken = compute_digests("take", shared, places)
-    return taken if own.null_count == len(own) else compute_digests("coalesce", own, taken)
+    shared_values = compute_digests("take", shared, places)
+    return (
+        shared_values
+        if own.null_count == len(own)
+        else compute_digests("coalesce", own, shared_values)
+    )
 
 
 def _parse_rows(lines: bytes, schema: pa.Schema) -> pa.Table:
@@ -412,14 +416,14 @@ def count_outcomes(parts: Iterable[pa.RecordBatch]) -> dict[str, Any]:
         traces += len(rows) - rows["trace_file"].null_count
         counters = {"label": labels, "status": statuses, "expectation_met": expectations}
         for name, counter in counters.items():
-            counted = rows[name].value_counts()
-            counter.update({each["values"]: each["counts"] for each in counted.to_pylist()})
+            value_counts = rows[name].value_counts()
+            counter.update({each["values"]: each["counts"] for each in value_counts.to_pylist()})
     return {
         "runs": runs,
         "labels": dict(labels),
         "statuses": dict(statuses),
         "traces": traces,
-        "expectations": {names[met]: count for met, count in expectations.items()},
+        "expectations": {names[value]: count for value, count in expectations.items()},
     }
 
 
@@ -470,11 +474,11 @@ class RowsDigest:
 
     def _add_column(self, name: str, part: str, column: pa.Array) -> None:
         """Add the next rows to the streams of a column, or of a part of it."""
-        kind, given = column.type, self._streams[name, f"{part}?"]
+        kind, validity = column.type, self._streams[name, f"{part}?"]
         if column.null_count in {0, len(column)}:
-            given.add_repeated(b"\0" if column.null_count else b"\1", len(column))
+            validity.add_repeated(b"\0" if column.null_count else b"\1", len(column))
         else:
-            given.add_values(numpy_array(compute_digests("is_valid", column)))
+            validity.add_values(numpy_array(compute_digests("is_valid", column)))
         if pa.types.is_struct(kind):
             for field, inner in zip(kind, column.flatten(), strict=True):
                 self._add_column(name, f"{part}.{field.name}", inner)
@@ -553,12 +557,12 @@ class _StreamDigest:
 def _repetition_hash(item: bytes, times: int) -> Any:  # noqa: ANN401 - hashlib has no name for it
     """Return the SHA-256 of a repeated item; copy it before updating it."""
     # Bytes that are hashed at once.
-    found, at_once = hashlib.sha256(), max(1, (1 << 20) // max(1, len(item)))
+    digest, at_once = hashlib.sha256(), max(1, (1 << 20) // max(1, len(item)))
     block, (blocks, rest) = item * at_once, divmod(times, at_once)
     for _ in range(blocks):
-        found.update(block)
-    found.update(item * rest)
-    return found
+        digest.update(block)
+    digest.update(item * rest)
+    return digest
 
 
 def _join_letters(texts: pa.Array) -> NDArray[Any]:

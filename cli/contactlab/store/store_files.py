@@ -74,8 +74,8 @@ def parse_address(text: str | Address) -> Address:
             "environment variables of the provider (see docs/how-to/stores.md)"
         )
     if url["scheme"] not in (schemes := extensions("store")):
-        known = ", ".join(f"{scheme}://" for scheme in schemes)
-        raise OutputError(f"{text}: a store is a folder or an address with {known}")
+        known_schemes = ", ".join(f"{scheme}://" for scheme in schemes)
+        raise OutputError(f"{text}: a store is a folder or an address with {known_schemes}")
     bucket, *parts = url["rest"].rstrip("/").split("/")
     if not bucket or not parts or not all(part not in {"", ".", ".."} for part in parts):
         raise OutputError(f"{text}: write {url['scheme']}://BUCKET/PREFIX, without empty parts")
@@ -142,14 +142,14 @@ def stored_size(folder: Path, name: str, most: int = MOST_BYTES) -> int | None:
 
 def check_tree(folder: Path) -> None:
     """Raise a StoreError if a folder of a store contains anything except folders and files."""
-    left = [folder]
-    while left:
-        path = left.pop()
+    folders = [folder]
+    while folders:
+        path = folders.pop()
         try:
             mode = path.lstat().st_mode
             if stat.S_ISDIR(mode):
                 with os.scandir(path) as inside:
-                    left += [Path(e) for e in inside if not e.is_file(follow_symlinks=False)]
+                    folders += [Path(e) for e in inside if not e.is_file(follow_symlinks=False)]
         except FileNotFoundError:
             continue
         except OSError as error:
@@ -209,8 +209,12 @@ def other_parts(stored: SweepIdentity, requested: SweepIdentity) -> list[str]:
     are given by key; the resulting differences of runs are omitted.
     """
     ours, theirs = _whole_grid(requested), _whole_grid(stored)
-    asked, held = (_plain_form(whole.pop("resolved")) for whole in (ours, theirs))
-    keys = [name for name in {**asked, **held} if asked.get(name) != held.get(name)]
+    requested_parts, stored_parts = (_plain_form(whole.pop("resolved")) for whole in (ours, theirs))
+    keys = [
+        name
+        for name in {**requested_parts, **stored_parts}
+        if requested_parts.get(name) != stored_parts.get(name)
+    ]
     same_runs = all(ours[name] == theirs[name] for name in ("plan_hash", "runs_asked"))
     shapes = [_grid_shape(_plain_form(each.resolved)) for each in (requested, stored)]
     if same_runs and shapes[0] == shapes[1]:
@@ -228,13 +232,13 @@ _GRID_KEYS = ("seeds", "axes", "zip", "sample", "include", "exclude")
 def _plain_form(resolved: Mapping[str, Any]) -> dict[str, Any]:
     # Seeds, and the values of axes that are knobs, are lists.
     seeds, axes, keys = resolved.get("seeds", 1), resolved.get("axes", {}), {"values", "role"}
-    listed = {
+    plain_axes = {
         name: axis["values"] if isinstance(axis, dict) and axis.keys() == keys else axis
         for name, axis in axes.items()
         if not isinstance(axis, dict) or axis.get("role") == "knob"
     }
     plain = [*range(seeds)] if isinstance(seeds, int) else [*seeds]
-    return {**resolved, "seeds": plain, "axes": {**axes, **listed}}
+    return {**resolved, "seeds": plain, "axes": {**axes, **plain_axes}}
 
 
 def _grid_shape(resolved: Mapping[str, Any]) -> object:
@@ -290,10 +294,11 @@ def check_same_sweep(store: Address, stored: SweepIdentity, requested: SweepIden
     """
     differing = other_parts(stored, requested)
     if not differing:
-        if (wanted := shard_of(requested)) not in {None, (held := shard_of(stored))}:
-            part = f"shard {held}" if held else "another part, or all,"
+        if (requested_shard := shard_of(requested)) not in {None, (content := shard_of(stored))}:
+            part = f"shard {content}" if content else "another part, or all,"
             raise StoreError(
-                f"{store} holds {part} of this sweep, not shard {wanted}; write elsewhere with -o"
+                f"{store} holds {part} of this sweep, not shard {requested_shard}; write elsewhere "
+                "with -o"
             )
         return
     plugins = ""
@@ -304,22 +309,22 @@ def check_same_sweep(store: Address, stored: SweepIdentity, requested: SweepIden
         plugins = f": it was begun with {old}; loaded now: {new}"
     both = _plain_form(stored.resolved), _plain_form(requested.resolved)
     details = "; ".join(_different_values(*both, differing))
-    held = f"another sweep (other {', '.join(differing)}{plugins}{details and f': {details}'})"
+    content = f"another sweep (other {', '.join(differing)}{plugins}{details and f': {details}'})"
     if differing == ["definitions"]:
-        held = "runs of another contactlab, which prepares, measures or labels them differently"
+        content = "runs of another contactlab, which prepares, measures or labels them differently"
     raise OtherSweepError(
-        f"{store} holds {held}", "write elsewhere with -o, or replace it with --fresh"
+        f"{store} holds {content}", "write elsewhere with -o, or replace it with --fresh"
     )
 
 
 def _different_values(
-    held: Mapping[str, Any], asked: Mapping[str, Any], keys: Iterable[str], within: str = ""
+    stored: Mapping[str, Any], requested: Mapping[str, Any], keys: Iterable[str], within: str = ""
 ) -> Iterator[str]:
     most_characters = 60
     for key in keys:
-        if key not in held.keys() | asked.keys() or held.get(key) == asked.get(key):
+        if key not in stored.keys() | requested.keys() or stored.get(key) == requested.get(key):
             continue
-        one, other, name = held.get(key), asked.get(key), f"{within}{key}"
+        one, other, name = stored.get(key), requested.get(key), f"{within}{key}"
         if isinstance(one, dict) and isinstance(other, dict):
             both: dict[str, Any] = {**one, **other}
             yield from _different_values(one, other, both, f"{name}.")
@@ -358,8 +363,8 @@ def is_covered(stored: SweepIdentity, requested: SweepIdentity) -> bool:
     """Return whether a finished store of the same sweep has all requested runs."""
     if stored.whole is None:
         return True
-    merged = is_slice(stored) and shard_of(stored) is None
-    return not merged and chooses_alike(stored, requested)
+    is_part = is_slice(stored) and shard_of(stored) is None
+    return not is_part and chooses_alike(stored, requested)
 
 
 def chooses_alike(stored: SweepIdentity, requested: SweepIdentity) -> bool:

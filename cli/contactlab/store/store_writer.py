@@ -73,13 +73,13 @@ class StoreWriter:
     """A store that runs are added to; made by `open_writer`."""
 
     def __init__(
-        self, session: WriteSession, identity: SweepIdentity, done: frozenset[str]
+        self, session: WriteSession, identity: SweepIdentity, finished_ids: frozenset[str]
     ) -> None:
         # Local folder of its journal, table and scene; the store itself if that is local.
         self.path = session.folder
         self.identity = identity
         # Ids of the runs in the store when it was opened.
-        self.done = done
+        self.done = finished_ids
         self.started = time_now()
         self._session = session
         self._files = {JOURNAL: (self.path / JOURNAL).open("ab")}
@@ -133,8 +133,8 @@ class StoreWriter:
         self.close()
         amend_journal(self.path, amendments)
         times = self.started, time_now()
-        said = {**shared, **_shared_fields(provenance, times)}
-        digests = write_table(self.path / JOURNAL, self.path / TABLE, own, said)
+        all_fields = {**shared, **_shared_fields(provenance, times)}
+        digests = write_table(self.path / JOURNAL, self.path / TABLE, own, all_fields)
         if identity:
             self.identity = identity
             self._session.begin_store(identity)
@@ -149,8 +149,8 @@ class StoreWriter:
     ) -> StoreManifest:
         """Publish a table with all rows of other tables, then the manifest; see `finish`."""
         self.close()
-        said = _shared_fields(provenance, times)
-        digests = merge_tables(tables, self.path / TABLE, said)
+        shared_fields = _shared_fields(provenance, times)
+        digests = merge_tables(tables, self.path / TABLE, shared_fields)
         return self._publish_manifest(digests, provenance, times, concluded)
 
     def _publish_manifest(
@@ -308,8 +308,10 @@ def _prepare_store(
         folder, rows.check_row, rows.keeps_run, repair=rows.repair, shown_path=address / JOURNAL
     )
     if rows.repair:
-        named = {row.get("trace_file") for row in read_lines(folder / JOURNAL)}
-        rows.backend.delete_files(name for name in rows.backend.trace_names() if name not in named)
+        trace_names = {row.get("trace_file") for row in read_lines(folder / JOURNAL)}
+        rows.backend.delete_files(
+            name for name in rows.backend.trace_names() if name not in trace_names
+        )
     session.replace_journal()
     return run_ids
 

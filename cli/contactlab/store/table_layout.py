@@ -233,9 +233,11 @@ def _short_number(number: object) -> str:
 
 def as_ratios(names: Iterable[str]) -> list[Column]:
     """Return the named fixed columns that have a unit, as columns of ratios."""
-    wanted = set(names)
+    wanted_names = set(names)
     return [
-        replace(fixed, unit="1") for fixed in FIXED_COLUMNS if fixed.name in wanted and fixed.unit
+        replace(fixed, unit="1")
+        for fixed in FIXED_COLUMNS
+        if fixed.name in wanted_names and fixed.unit
     ]
 
 
@@ -288,28 +290,30 @@ def check_layout(schema: pa.Schema, shared: object) -> None:
         raise ValueError(f"column {twice} is there twice")
     if not isinstance(shared, dict):
         raise TypeError("the fields that all runs share are not a table")
-    known: dict[str, Any] = shared
-    severity = known.get("severity", [])
-    if not _is_table(known.get("units"), str) or not _is_table(known.get("metric_versions"), int):
+    known_fields: dict[str, Any] = shared
+    severity = known_fields.get("severity", [])
+    if not _is_table(known_fields.get("units"), str) or not _is_table(
+        known_fields.get("metric_versions"), int
+    ):
         raise ValueError("units and versions of its metrics are missing")
     if not isinstance(severity, list) or not all(isinstance(name, str) for name in severity):
         raise ValueError("the order of its labels is no list")
     most_labels = 1000  # a written table has some dozens; a damaged one must not fill the memory
     if len(severity) > most_labels:
         raise ValueError(f"it has {len(severity):,} labels")
-    units = known["units"]
+    units = known_fields["units"]
     if missing := sorted((_REQUIRED_COLUMNS | units.keys()) - names):
         raise ValueError(f"column {missing[0]} is missing")
     for field in schema:
         column, kind = fixed.get(field.name), original_type(field.type)
         if field.name in units:
-            wanted = "numbers" if kind not in _NUMBER_TYPES else ""
+            expected_kind = "numbers" if kind not in _NUMBER_TYPES else ""
         elif field.name in ("settings", "effects"):
-            wanted = "" if pa.types.is_struct(kind) else "a struct"
+            expected_kind = "" if pa.types.is_struct(kind) else "a struct"
         else:
-            wanted = "" if column is None or kind == column.type else str(column.type)
-        if wanted:
-            raise ValueError(f"column {field.name} is {kind}, not {wanted}")
+            expected_kind = "" if column is None or kind == column.type else str(column.type)
+        if expected_kind:
+            raise ValueError(f"column {field.name} is {kind}, not {expected_kind}")
         column_of(field)
 
 
@@ -388,9 +392,9 @@ def row_to_record(row: Mapping[str, Any], shared: Mapping[str, Any]) -> Evidence
     data: Row = {name: shared[name] for name in SHARED_FIELDS}
     data |= _restore_fields(row, PLAIN_FIELDS)
     for part, inner in FIELDS_OF_PARTS.items():
-        found = _restore_fields(row, inner)
-        if any(value is not None for value in found.values()):
-            data[part] = found
+        inner_fields = _restore_fields(row, inner)
+        if any(value is not None for value in inner_fields.values()):
+            data[part] = inner_fields
     # Stores of version 0.2 do not have the bodies of labels.
     label_fields = {column: field for column, field in OF_LABELS.items() if column in row}
     labels = zip(*(row[column] for column in label_fields), strict=True)

@@ -138,12 +138,12 @@ def contradictory_records(store: Store) -> list[str]:
 def unverifiable_parts(store: Store) -> list[str]:
     """Return the parts of a store that its own content cannot prove, with reasons."""
     manifest = store.manifest
-    found: list[str] = []
+    parts: list[str] = []
     if manifest.traces_left_out:
-        found.append("trajectories, metrics and labels: the traces were left out")
+        parts.append("trajectories, metrics and labels: the traces were left out")
     elif without := manifest.runs - manifest.traces:
-        found.append(f"trajectories, metrics and labels of {without:,} runs: they kept no trace")
-    return found
+        parts.append(f"trajectories, metrics and labels of {without:,} runs: they kept no trace")
+    return parts
 
 
 def damaged_traces(store: Store) -> Iterator[str]:
@@ -151,15 +151,17 @@ def damaged_traces(store: Store) -> Iterator[str]:
     if store.manifest.traces_left_out:
         return
     # A quick check reads traces up to this total size, and only checks the size of the others.
-    left = 256 << 20
+    remaining_bytes = 256 << 20
     traces = store.columns.present(("trace_file", "trace_bytes", "trace_sha256"))
     for trace in count_steps(traces, "traces", store.manifest.traces):
         file, expected, sha256 = trace.values()
-        left -= expected or 0
+        remaining_bytes -= expected or 0
         size = store.backend.trace_size(file)
         if size is None:
             yield f"{file}: missing"
-        elif size != expected or (left >= 0 and not store.backend.holds_trace(file, size, sha256)):
+        elif size != expected or (
+            remaining_bytes >= 0 and not store.backend.holds_trace(file, size, sha256)
+        ):
             yield f"{file}: changed since it was written"
 
 
@@ -171,8 +173,8 @@ def trace_damage(store: Store, record: EvidenceRecord) -> str | None:
         return None
     with closing(store.backend.local_files([record.trace.file])) as files:
         path = next(files)
-        found = ("missing",) if path is None else trace_problems(path, record)
-        return next((f"{record.trace.file}: {problem}" for problem in found), None)
+        problems = ("missing",) if path is None else trace_problems(path, record)
+        return next((f"{record.trace.file}: {problem}" for problem in problems), None)
 
 
 def trace_warning(store: Store) -> tuple[str, ...]:
@@ -183,13 +185,13 @@ def trace_warning(store: Store) -> tuple[str, ...]:
     if not damaged:
         return lines
     max_named_damages = 3  # a warning of a line
-    named = "; ".join(damaged[:max_named_damages])
+    problems = "; ".join(damaged[:max_named_damages])
     more = (
         f"; and {len(damaged) - max_named_damages:,} more"
         if len(damaged) > max_named_damages
         else ""
     )
-    return (*lines, f"{named}{more} (see `contactlab verify {store.address}`)")
+    return (*lines, f"{problems}{more} (see `contactlab verify {store.address}`)")
 
 
 def _check_files(store: Store) -> Iterator[str]:
@@ -221,8 +223,8 @@ def _check_columns(store: Store) -> Iterator[str]:
     manifest = store.manifest
     yield from (f"{MANIFEST}: {miscount}" for miscount in store.miscounts())
     if manifest.runs != manifest.sweep.runs_asked:
-        planned = manifest.sweep.runs_asked
-        yield f"{MANIFEST}: {manifest.runs} runs, but the sweep has {planned}"
+        run_count = manifest.sweep.runs_asked
+        yield f"{MANIFEST}: {manifest.runs} runs, but the sweep has {run_count}"
     last = -1
     for part in store.columns.batches(["index"]):
         places = numpy_array(part["index"])
@@ -240,16 +242,19 @@ def _check_columns(store: Store) -> Iterator[str]:
 def _check_sweep(store: Store) -> Iterator[str]:
     sweep, columns = store.manifest.sweep, store.columns
     # A baseline has no list of columns, which is informative only.
-    listed = columns.listed
-    said = {field.name: texts_of(field.metadata) for field in columns.schema}
-    for name in said.keys() | listed.keys() if listed else ():
-        if listed.get(name) != said.get(name):
+    listed_columns = columns.listed
+    described = {field.name: texts_of(field.metadata) for field in columns.schema}
+    for name in described.keys() | listed_columns.keys() if listed_columns else ():
+        if listed_columns.get(name) != described.get(name):
             yield f"{TABLE}: column {name} differs from its description in the list of columns"
     ratios = {column.name for column in as_ratios(columns.schema.names)}
     for fixed in FIXED_COLUMNS:
-        found = columns.described.get(fixed.name)
-        if found and found.unit not in {fixed.unit, "1" if fixed.name in ratios else fixed.unit}:
-            yield f"{TABLE}: column {fixed.name} is in '{found.unit}', not in '{fixed.unit}'"
+        description = columns.described.get(fixed.name)
+        if description and description.unit not in {
+            fixed.unit,
+            "1" if fixed.name in ratios else fixed.unit,
+        }:
+            yield f"{TABLE}: column {fixed.name} is in '{description.unit}', not in '{fixed.unit}'"
     for name, stated in (("scene_hash", sweep.scene_hash), ("scene", sweep.scene)):
         if others := columns.values(name) - {stated, None}:
             yield f"{TABLE}: it also has runs of scene {', '.join(sorted(others))}"
@@ -279,7 +284,7 @@ def _check_records(
 
     problems, digest = list[str](), RowsDigest()
     left_out = store.manifest.traces_left_out
-    named = set[str]() if left_out else store.columns.values("trace_file")
+    trace_names = set[str]() if left_out else store.columns.values("trace_file")
     # All rows are in the digest; those with a trace are checked with it.
     rows = select_rows(map(digest.add_rows, store.columns.batches()), chosen)
     suspected = _suspected_rows(store, rows, traced=not left_out)
@@ -291,13 +296,13 @@ def _check_records(
     pairs = zip(records, paths, strict=True)
     for record, path in count_steps(pairs, "traces", traces):
         assert record.trace is not None
-        found = ("missing",) if path is None else trace_problems(path, record, model)
-        yield from (f"{record.trace.file}: {problem}" for problem in found)
+        trace_faults = ("missing",) if path is None else trace_problems(path, record, model)
+        yield from (f"{record.trace.file}: {problem}" for problem in trace_faults)
         yield from problems
         problems.clear()
     yield from problems
     for name in store.backend.trace_names():
-        if name not in named:
+        if name not in trace_names:
             yield f"{name}: belongs to no run"
     digests = digest.digests_for(store.columns.schema)
     if store.manifest.records != digests.records:
@@ -329,21 +334,21 @@ def _suspected_rows(
     columns = store.columns
     checks = RowChecks(store.manifest.sweep, columns.shared)
     for rows in batches:
-        wanted = checks.find_suspects(rows)
+        is_suspect = checks.find_suspects(rows)
         if traced and "trace_file" in rows.schema.names:
-            wanted = wanted | ~is_null(rows["trace_file"])
-        found = rows_of(rows, wanted).to_pylist() if wanted.any() else []
+            is_suspect = is_suspect | ~is_null(rows["trace_file"])
+        suspects = rows_of(rows, is_suspect).to_pylist() if is_suspect.any() else []
         # Otherwise they would stay in memory along with the next rows, freed or not.
         del rows
         pa.default_memory_pool().release_unused()
-        yield from found
+        yield from suspects
 
 
 def wrong_parts(
     row: Mapping[str, Any], record: EvidenceRecord, sweep: SweepIdentity
 ) -> Iterator[str]:
     """Yield the parts of a record that contradict the sweep, or the rest of the record."""
-    asked, again = sweep.resolved, record_to_row(record)
+    resolved, again = sweep.resolved, record_to_row(record)
     yield from (name for name in ("label_reason", "label_step") if row[name] != again[name])
     if record.labels and record.label != record.labels[0].label:
         yield "label"
@@ -360,14 +365,14 @@ def wrong_parts(
         yield "status"
     if record.trace is not None and not record.trace.file.endswith(f"/{record.run_id}.mcap"):
         yield "trace"
-    if (record.timing and not asked.get("timing")) or (
-        record.accuracy and not asked.get("accuracy")
+    if (record.timing and not resolved.get("timing")) or (
+        record.accuracy and not resolved.get("accuracy")
     ):
         yield "accuracy or timing"
-    if record.knife_edge is not None and not asked.get("knife_edge"):
+    if record.knife_edge is not None and not resolved.get("knife_edge"):
         yield "knife_edge"
     cost, timestep = record.cost, record.settings.get("timestep")
-    budget = asked.get("latency_budget")
+    budget = resolved.get("latency_budget")
     if not isinstance(timestep, int | float):
         yield "timestep"
     elif cost is not None and cost != Cost.of_steps(cost.cpu_s, record.steps, timestep, budget):
@@ -444,8 +449,8 @@ def _copy_without_traces(store: Store, target: Path) -> None:
 
 
 def _check_target(source: Address, target: Path, pinned: str | None) -> None:
-    if pinned is not None and (found := Store.unchecked(target).digest) != pinned:
-        raise OutputError(f"{target} has the digest {found}, not {pinned}, so it is not replaced")
+    if pinned is not None and (digest := Store.unchecked(target).digest) != pinned:
+        raise OutputError(f"{target} has the digest {digest}, not {pinned}, so it is not replaced")
     if not target.exists() or (target.is_dir() and not any(target.iterdir())):
         return
     if isinstance(source, Path) and target.samefile(source):

@@ -186,7 +186,7 @@ class CheckedModel:
             and any(phase.seeds_disagree(self.task.tolerance) for phase in self.budget.phases)
         ):
             seeds = tuple(range(len(self.task.seeds) + len(SEEDS)))
-            known = self.budget.phases
+            known_phases = self.budget.phases
             self.task = self.task.model_copy(update={"seeds": seeds})
             self.motions = self.motions_of(self.task)
             settings = self._budget_plan[1]
@@ -194,7 +194,7 @@ class CheckedModel:
             self.budget = ErrorBudget(
                 tuple(
                     replace(phase, rows=before.rows)
-                    for phase, before in zip(more.phases, known, strict=True)
+                    for phase, before in zip(more.phases, known_phases, strict=True)
                 )
             )
 
@@ -346,8 +346,8 @@ def open_model(
             name, {**LIMITS, **THRESHOLDS}, f"no limit '{name}' of a check or a label"
         )
     scenes = SceneLoader(Path(), options.drive, allow_code=session.allow_code)
-    asked = [*assign, *options.settings]
-    values, sweep = read_settings(scenes, reference, asked, ("duration", "must"))
+    assignments = [*assign, *options.settings]
+    values, sweep = read_settings(scenes, reference, assignments, ("duration", "must"))
     opened = CheckedModel(
         reference=reference,
         scenes=scenes,

@@ -67,17 +67,17 @@ class CountedCost:
 
     def count_seconds(self, model: mujoco.MjModel, timestep: float) -> float:
         """Return the counted time per simulated second of a model at a timestep [s]."""
-        made = copy.copy(model)
-        set_timestep(made, timestep)
-        made.opt.disableflags &= ~_AUTORESET_OFF  # as in files; recording never resets
-        data, work = mujoco.MjData(made), StepWork(made)
+        stepped_model = copy.copy(model)
+        set_timestep(stepped_model, timestep)
+        stepped_model.opt.disableflags &= ~_AUTORESET_OFF  # as in files; recording never resets
+        data, work = mujoco.MjData(stepped_model), StepWork(stepped_model)
         steps = _steps_of_sample(timestep)
-        if read_flag(made, "sleep"):
+        if read_flag(stepped_model, "sleep"):
             steps = 40  # bodies fall asleep after ten steps of rest
         for motion, samples in zip(self._motions, self._starts, strict=True):
             for seed, begin, start in samples:
-                mujoco.mj_resetData(made, data)  # wakes sleeping bodies
-                mujoco.mj_setState(made, data, start, INTEGRATION)
+                mujoco.mj_resetData(stepped_model, data)  # wakes sleeping bodies
+                mujoco.mj_setState(stepped_model, data, start, INTEGRATION)
                 at = begin + np.arange(steps) * timestep / self._own_step
                 rows = motion.rows(seed, np.floor(at + 1e-9).astype(int))
                 try:

@@ -167,17 +167,17 @@ class PhaseReference:
         model, run, rate = self._motion.model, self._run, self._substeps
         gravity = 0.0 if is_disabled(model, "gravity") else 1.0
         fall = pulls(self._motion, gravity * model.opt.gravity)[..., self._bodies]
-        found = np.empty((len(self._windows), len(self._bodies)))
+        impulses = np.empty((len(self._windows), len(self._bodies)))
         for place, (seed, window) in enumerate(self._windows):
             begin = int(run.begins[window])
-            kept = run.velocity_states[seed, begin : begin + run.steps + 1 : rate]
-            speed = self._observe(kept)[0]
+            states = run.velocity_states[seed, begin : begin + run.steps + 1 : rate]
+            speed = self._observe(states)[0]
             span = slice(begin // rate, (begin + run.steps) // rate)
             weight = GRAVITY_AS_REAL * model.opt.timestep * fall[seed, span].sum(axis=0)
-            found[place] = paths(speed[None])[0] + weight
+            impulses[place] = paths(speed[None])[0] + weight
             if not window:
-                found[place] += np.linalg.norm(speed[0], axis=-1)
-        return found
+                impulses[place] += np.linalg.norm(speed[0], axis=-1)
+        return impulses
 
     def estimate_error(
         self, model: mujoco.MjModel, multiple: int, against: "Floats | None" = None
@@ -196,30 +196,33 @@ class PhaseReference:
             slack = self._slack_of(multiple)
             # Velocities are straight between steps.
             own = own[:, 1:2] + (own - own[:, 1:2]) * (slack / multiple)
-            found = defects(own, self._reference_around(ends, which, multiple))
+            errors = defects(own, self._reference_around(ends, which, multiple))
         else:
             apart = np.linalg.norm(own[:, 1] - against[:, 1], axis=-1)
-            found = np.where(np.isnan(apart), np.inf, apart)
+            errors = np.where(np.isnan(apart), np.inf, apart)
         begin = self._run.begins[which[:, 1]]
-        kept = np.isin(
+        is_observed = np.isin(
             self._windows[:, 0] * len(self._run.begins) + self._windows[:, 1],
             which[:, 0] * len(self._run.begins) + which[:, 1],
         )
         length = (ends[0] - begin[0]) / self._run.steps
         return self._worst_body(
-            found / length, self._real_impulses[kept], which, self._window_weights[kept, None]
+            errors / length,
+            self._real_impulses[is_observed],
+            which,
+            self._window_weights[is_observed, None],
         )
 
     def _worst_body(
         self, each: Floats, real_each: Floats, which: np.ndarray, stood_for: Floats
     ) -> ErrorEstimate:
-        found, real = each * stood_for, real_each * stood_for
+        error_sums, real = each * stood_for, real_each * stood_for
         seeds = np.unique(which[:, 0])
         shares = np.empty((len(seeds), len(self._bodies)))
         for place, seed in enumerate(seeds):
             own = which[:, 0] == seed
             whole = scale_of_impulses(real[own].sum(axis=0))
-            shares[place] = found[own].sum(axis=0) / whole
+            shares[place] = error_sums[own].sum(axis=0) / whole
         mean = shares.mean(axis=0)
         body = int(self._observed[np.argmax(mean[self._observed])])
         worst = which[int(np.argmax(each[:, body]))]
@@ -261,17 +264,19 @@ class PhaseReference:
             half.append(last + 1)
         # The end itself must be in the middle, where defects expect it.
         places = np.array([-place for place in half[::-1]] + [0, *half])
-        kept = np.stack(
+        states = np.stack(
             [
                 self._run.velocity_states[seed, end + places]
                 for (seed, _), end in zip(which, ends, strict=True)
             ]
         )
-        seen = self._observe(kept)[0]
+        velocities = self._observe(states)[0]
         if share > COARSE_ROUNDING:
             for edge, inner in ((0, 1), (-1, -2)):
-                seen[:, edge] = seen[:, inner] + share * (seen[:, edge] - seen[:, inner])
-        return seen
+                velocities[:, edge] = velocities[:, inner] + share * (
+                    velocities[:, edge] - velocities[:, inner]
+                )
+        return velocities
 
     def velocities_around(self, model: mujoco.MjModel, multiple: int) -> Floats:
         """Return (M, 3, B, 6) velocities of a model one step before, at and after window ends."""
@@ -324,11 +329,11 @@ class TaskReference:
         integrator: str | None = None,
     ) -> "TaskReference":
         """Run the references of phases; `integrator` replaces that of the model."""
-        found = [
+        references = [
             PhaseReference(motion, finer, workers, every=every, integrator=integrator)
             for motion in motions
         ]
-        return cls(found, finer)
+        return cls(references, finer)
 
     @property
     def is_complete(self) -> bool:
@@ -365,21 +370,23 @@ class TaskReference:
 
     def uncorrected_error(self, model: mujoco.MjModel, multiple: int) -> ErrorEstimate:
         """Return the same without the correction for the step of the reference."""
-        found = [part.estimate_error(model, multiple) for part in self.phases]
-        return max(found, key=lambda apart: apart.error)
+        estimates = [part.estimate_error(model, multiple) for part in self.phases]
+        return max(estimates, key=lambda apart: apart.error)
 
     def velocities_around(
-        self, made: Callable[[mujoco.MjModel, int], mujoco.MjModel]
+        self, make_model: Callable[[mujoco.MjModel, int], mujoco.MjModel]
     ) -> list[Floats]:
         """Return velocities around window ends at the step of the run, by phase."""
-        return [part.velocities_around(made(part.model, 1), self.substeps) for part in self.phases]
+        return [
+            part.velocities_around(make_model(part.model, 1), self.substeps) for part in self.phases
+        ]
 
     def error_against(
-        self, made: Callable[[mujoco.MjModel], mujoco.MjModel], same: Sequence[Floats]
+        self, make_model: Callable[[mujoco.MjModel], mujoco.MjModel], same: Sequence[Floats]
     ) -> ErrorEstimate:
         """Return the largest error of a changed model against velocities of the same steps."""
-        found = [
-            part.estimate_error(made(part.model), self.substeps, own)
+        estimates = [
+            part.estimate_error(make_model(part.model), self.substeps, own)
             for part, own in zip(self.phases, same, strict=True)
         ]
-        return max(found, key=lambda apart: apart.error)
+        return max(estimates, key=lambda apart: apart.error)

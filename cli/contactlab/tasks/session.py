@@ -86,13 +86,13 @@ class Session:
 
         To resume, what a store of the same sweep has already is kept.
         """
-        read = read_sweep(sweep, scenes.vocabulary)
-        scene, plan = scenes.for_sweep(read)
+        sweep_file = read_sweep(sweep, scenes.vocabulary)
+        scene, plan = scenes.for_sweep(sweep_file)
         request = SweepRequest(
             plan=plan,
             scene=scene,
             name=name,
-            source=read.text,
+            source=sweep_file.text,
             overrides=(),
             store=self.folder / name,
             workers=self.workers,
@@ -139,7 +139,7 @@ def free_folder(
         claimed = Session(folder).read(CLAIMS, dict[str, str])
         if folder.exists() and claimed.get(results) != source:
             continue
-        made = [each for each in (folder, *folder.parents) if not each.exists()]
+        new_folders = [each for each in (folder, *folder.parents) if not each.exists()]
         with write_errors(folder):
             folder.mkdir(parents=True, exist_ok=True)
             lock = os.open(folder, os.O_RDONLY)
@@ -153,7 +153,7 @@ def free_folder(
         finally:
             os.close(lock)
             with suppress(OSError):  # not empty
-                for each in made:
+                for each in new_folders:
                     each.rmdir()
         return
 
@@ -162,8 +162,10 @@ def model_name(reference: str) -> str:
     """Return a name for a model's folder: of its folder and its file, without repetition."""
     path = Path(reference.rpartition(":")[2].rstrip("/"))
     stem, folder = path.stem or "model", path.parent.name if path.suffix or ":" in reference else ""
-    words, known = ({*re.split(r"[\W_]+", text)} for text in (stem, folder))
-    return stem if not folder or words <= known or known <= words else f"{folder}-{stem}"
+    words, folder_words = ({*re.split(r"[\W_]+", text)} for text in (stem, folder))
+    return (
+        stem if not folder or words <= folder_words or folder_words <= words else f"{folder}-{stem}"
+    )
 
 
 def read_settings(
@@ -178,16 +180,18 @@ def read_settings(
     scenes.vocabulary(
         reference
     )  # which says what is wrong with a model that nobody wrote into a file
-    read = read_sweep({"version": 1, "scene": reference}, scenes.vocabulary, Overrides(assign))
-    given = read.sweep.model_dump(exclude_defaults=True).keys()
-    if foreign := sorted(given - {"version", "scene", "axes", *keys}):
+    sweep_file = read_sweep(
+        {"version": 1, "scene": reference}, scenes.vocabulary, Overrides(assign)
+    )
+    given_keys = sweep_file.sweep.model_dump(exclude_defaults=True).keys()
+    if foreign := sorted(given_keys - {"version", "scene", "axes", *keys}):
         *first, last = ["axes of the scene", *keys]
         names = " and ".join(filter(None, (", ".join(first), last)))
         raise SweepFileError(f"--set {foreign[0]}: this command takes {names} only")
-    for axis in read.plan.axes:
+    for axis in sweep_file.plan.axes:
         if axis.count > 1:
             raise SweepFileError(
                 f"--set {axis.name}: give one value, not {axis.count}; "
                 "to compare several, write a sweep"
             )
-    return next(read.plan.iterate_runs()).values, read.sweep
+    return next(sweep_file.plan.iterate_runs()).values, sweep_file.sweep

@@ -116,18 +116,20 @@ def _reached_pieces(
     """Yield the phases that a run reaches."""
     model, start = prepared.models[run], prepared.starts.select_run(run)
     batch = start_batch([model], start)
-    done = 0
+    reached_step = 0
     for begin, end in spans:
         try:
-            if begin > done:
+            if begin > reached_step:
                 batch.rollout(
-                    begin - done, record=[], **driven_inputs(model, start, 0, begin - done, done)
+                    begin - reached_step,
+                    record=[],
+                    **driven_inputs(model, start, 0, begin - reached_step, reached_step),
                 )
         except SimulationError:
             return
         if batch.warning.any():
             return
-        done = begin
-        given = driven_inputs(model, start, 0, end - begin, begin)
-        inputs = given.get("control", np.empty((1, end - begin, 0)))
-        yield _Piece(batch.state.copy(), inputs, int(given.get("control_spec", _CONTROL)))
+        reached_step = begin
+        inputs_of_piece = driven_inputs(model, start, 0, end - begin, begin)
+        inputs = inputs_of_piece.get("control", np.empty((1, end - begin, 0)))
+        yield _Piece(batch.state.copy(), inputs, int(inputs_of_piece.get("control_spec", _CONTROL)))

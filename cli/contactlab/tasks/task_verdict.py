@@ -59,8 +59,8 @@ def task_verdict(
     whole = scene.with_effects("all")
     motions = task_motions(whole, values, task, allow_code=session.allow_code)
     settings, threads = Settings(places=False), max(1, session.workers)
-    measured = error_budget(motions, rows=(), settings=settings, workers=threads)
-    return verdict_of(task, measured, records)
+    budget = error_budget(motions, rows=(), settings=settings, workers=threads)
+    return verdict_of(task, budget, records)
 
 
 def verdict_of(
@@ -125,15 +125,15 @@ def run_labels(
     such as a limit of the recorder; and a dependence of single runs on the step, if the error
     budget of all seeds is within the tolerance.
     """
-    found: dict[tuple[str, str], RunLabel] = {}
-    judged = {"stable", *labels_with("note")}
+    labels: dict[tuple[str, str], RunLabel] = {}
+    ignored_labels = {"stable", *labels_with("note")}
     if budget is not None and all(phase.run.error <= task.tolerance for phase in budget.phases):
-        judged.add(step_dependent.__name__)
+        ignored_labels.add(step_dependent.__name__)
     for record in records:
         step = record.duration / max(record.steps_asked, 1)
         for entry in record.labels:
             unobserved = task.observed and entry.bodies and not {*task.observed} & {*entry.bodies}
-            if entry.label in judged or unobserved:
+            if entry.label in ignored_labels or unobserved:
                 continue
             time = None if entry.step is None else entry.step * step
             begun = [each for each in task.phases if each.begin <= (time or 0.0)]
@@ -147,6 +147,6 @@ def run_labels(
                 time=time,
                 bodies=entry.bodies,
             )
-            kept = found.get((entry.label, phase), first)
-            found[entry.label, phase] = kept.model_copy(update={"runs": kept.runs + 1})
-    return tuple(found.values())
+            same_label = labels.get((entry.label, phase), first)
+            labels[entry.label, phase] = same_label.model_copy(update={"runs": same_label.runs + 1})
+    return tuple(labels.values())

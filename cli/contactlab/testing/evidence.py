@@ -113,9 +113,9 @@ class ContactEvidence:
         self.close()
         return list(self._open_store().records())
 
-    def _raise_faults(self, found: Any) -> None:  # noqa: ANN401 - any strings
+    def _raise_faults(self, faults: Any) -> None:  # noqa: ANN401 - any strings
         __tracebackhide__ = True
-        wrong = [fault for fault in found if fault]
+        wrong = [fault for fault in faults if fault]
         if wrong:
             raise AssertionError("\n".join([*wrong, *self._evidence_places()]))
 
@@ -133,8 +133,10 @@ def _episode_faults(episode: EvidenceRecord) -> str:
     name = f"episode {episode.seed} (run {episode.run_id[:8]})"
     ended = [] if episode.status == "ok" else [f"{name} {episode.status}: {episode.status_reason}"]
     labels = (label for label in episode.labels if label.label != _STABLE_LABEL)
-    found = [f"{name} is {label.label} at step {label.step}: {label.reason}" for label in labels]
-    return "\n".join([*ended, *found])
+    label_texts = [
+        f"{name} is {label.label} at step {label.step}: {label.reason}" for label in labels
+    ]
+    return "\n".join([*ended, *label_texts])
 
 
 def _missed_hold(episode: EvidenceRecord) -> str:

@@ -36,9 +36,13 @@ def contact_evidence(request: pytest.FixtureRequest) -> "Iterator[ContactEvidenc
     """Record a loop, and judge it."""
     from contactlab.testing.evidence import ContactEvidence  # noqa: PLC0415 - see the module
 
-    kept = request.config.getoption("--contact-evidence")
+    kept_folder = request.config.getoption("--contact-evidence")
     name = re.sub(r"[^\w.-]+", "-", request.node.nodeid).strip("-")
-    folder = Path(kept) / name if kept else request.getfixturevalue("tmp_path") / "evidence"
+    folder = (
+        Path(kept_folder) / name
+        if kept_folder
+        else request.getfixturevalue("tmp_path") / "evidence"
+    )
     update = request.config.getoption("--contact-baseline") == "update"
     evidence = ContactEvidence(folder, update=update)
     yield evidence

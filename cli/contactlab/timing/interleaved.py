@@ -45,11 +45,11 @@ TURN_SECONDS = 2.5e-3
 """Time of a turn of a fast model [s], several thousand times that of a look at the clock."""
 
 
-def stopwatch(work: Callable[[], object], read: Callable[[], float] | None = None) -> Timer:
+def stopwatch(work: Callable[[], object], read_clock: Callable[[], float] | None = None) -> Timer:
     """Return a timer of some work, by the CPU time of this thread or another clock [s]."""
 
     def measure() -> float:
-        clock = read or time.thread_time
+        clock = read_clock or time.thread_time
         begin = clock()
         work()
         return clock() - begin
@@ -80,22 +80,22 @@ def time_rounds(timers: Sequence[Timer], protocol: TimingProtocol | None = None)
     for _ in range(plan.warm_turns):
         for timer in timers:
             timer()
-    taken, wide = list[Floats](), [*range(len(timers))]
+    all_times, wide = list[Floats](), [*range(len(timers))]
     for _ in range(plan.looks):
         for _ in range(plan.rounds):
             times = np.full(len(timers), np.nan)
-            times[wide] = time_round([timers[place] for place in wide], len(taken))
-            taken.append(times)
-        ratios = enumerate(ratios_of_rounds(taken), 1)
+            times[wide] = time_round([timers[place] for place in wide], len(all_times))
+            all_times.append(times)
+        ratios = enumerate(ratios_of_rounds(all_times), 1)
         wide = [0, *(place for place, ratio in ratios if not ratio.half_width <= plan.half_width)]
         if wide == [0]:
             break
-    return np.array(taken)
+    return np.array(all_times)
 
 
-def ratios_of_rounds(taken: Sequence[Floats] | Floats) -> list[TimeRatio]:
+def ratios_of_rounds(round_times: Sequence[Floats] | Floats) -> list[TimeRatio]:
     """Return the ratio of each model to the first, from (N, K) times of the same work by round."""
-    base, *models = np.array(taken).T
+    base, *models = np.array(round_times).T
     return [TimeRatio.of_pairs((model / base)[~np.isnan(model)].tolist()) for model in models]
 
 
@@ -125,18 +125,20 @@ def time_samples(
         half_width: half of an interval that is narrow enough, as a share of the ratio.
         may_continue: whether more than the least samples may be timed.
     """
-    taken = list[Floats]()
+    all_samples = list[Floats]()
     for timers in samples:
-        if len(taken) >= least and not may_continue():
+        if len(all_samples) >= least and not may_continue():
             return
-        taken.append(np.mean([time_round(timers, number) for number in range(rounds)], axis=0))
-        yield taken[-1]
-        ratios = ratios_of_samples(taken) if len(taken) >= enough else []
+        all_samples.append(
+            np.mean([time_round(timers, number) for number in range(rounds)], axis=0)
+        )
+        yield all_samples[-1]
+        ratios = ratios_of_samples(all_samples) if len(all_samples) >= enough else []
         if ratios and all(ratio.half_width <= half_width for ratio in ratios):
             return
 
 
-def ratios_of_samples(taken: Sequence[Floats]) -> list[TimeRatio]:
+def ratios_of_samples(samples: Sequence[Floats]) -> list[TimeRatio]:
     """Return the ratio of each model to the first, from (n, K) times of samples of the work."""
-    base, *models = np.array(taken).T
+    base, *models = np.array(samples).T
     return [TimeRatio.of_sums(base.tolist(), model.tolist()) for model in models]

@@ -88,7 +88,7 @@ def _connect_ray(address: str | None, workers: int | None) -> None:
     options = [] if address == "auto" else ["--address", address]
     command = [sys.executable, "-P", "-m", "ray.scripts.scripts", "health-check", *options]
     try:
-        done = subprocess.run(  # noqa: S603
+        process = subprocess.run(  # noqa: S603
             command, capture_output=True, text=True, timeout=_ANSWER_TIMEOUT, check=False
         )
     except subprocess.TimeoutExpired as error:
@@ -96,13 +96,13 @@ def _connect_ray(address: str | None, workers: int | None) -> None:
             f"no Ray cluster answers at {address} within {_ANSWER_TIMEOUT:g} s; is it HOST:PORT of "
             "its head, and is it up?"
         ) from error
-    if done.returncode:
-        if "InvalidAuthToken" in done.stderr:
+    if process.returncode:
+        if "InvalidAuthToken" in process.stderr:
             reason = (
                 "it requires a token; set RAY_AUTH_MODE=token, with the cluster's RAY_AUTH_TOKEN"
             )
         else:
-            lines = done.stderr.strip().splitlines()
+            lines = process.stderr.strip().splitlines()
             reason = lines[-1] if lines else "its health check failed"
         raise ClusterError(f"no Ray cluster at {address}: {reason}")
     try:

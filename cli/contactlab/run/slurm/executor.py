@@ -143,9 +143,9 @@ class Arrays:
         """Yield the new results, and remove them from the active jobs."""
         for file in sorted(self.folder.glob(f"*{RESULT}")):
             result: Result = pickle.loads(file.read_bytes())  # noqa: S301 - our own
-            done = {*runs_of(result)}
+            finished_ids = {*runs_of(result)}
             for task, (jobs, losses) in self._active.items():
-                self._active[task] = unfinished_jobs(jobs, done), losses
+                self._active[task] = unfinished_jobs(jobs, finished_ids), losses
             file.unlink()
             yield result
 

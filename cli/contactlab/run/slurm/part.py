@@ -48,8 +48,8 @@ class Part:
                     )
             with temporary_folder() as own, self._watch_stop_file() as stop:
                 task = unpack_bundle((self.folder / BUNDLE).read_bytes(), Path(own))
-                left = unfinished_jobs(self.jobs, stored_runs(self.folder))
-                for result in LocalPool(self.workers).run(task, left, stop):
+                remaining_jobs = unfinished_jobs(self.jobs, stored_runs(self.folder))
+                for result in LocalPool(self.workers).run(task, remaining_jobs, stop):
                     name = f"{self.folder}/{uuid.uuid4().hex}{RESULT}"
                     write_file(name, pickle.dumps(result))
         except ContactlabError as error:
@@ -87,10 +87,10 @@ def runs_of(result: Result) -> Iterator[str]:
         yield from (from_json(finished.row)["run_id"] for finished in result)
 
 
-def unfinished_jobs(jobs: tuple[Job, ...], done: set[str]) -> tuple[Job, ...]:
+def unfinished_jobs(jobs: tuple[Job, ...], finished_ids: set[str]) -> tuple[Job, ...]:
     """Return the jobs with runs without a result, reduced to these runs."""
-    left = (tuple(run for run in job if run.run_id not in done) for job in jobs)
-    return tuple(filter(None, left))
+    remaining_jobs = (tuple(run for run in job if run.run_id not in finished_ids) for job in jobs)
+    return tuple(filter(None, remaining_jobs))
 
 
 def stored_runs(folder: Path) -> set[str]:

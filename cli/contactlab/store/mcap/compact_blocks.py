@@ -78,10 +78,10 @@ def compact_records(
             key = int(record.channels[first]), int(blocks[first])
             parts[key].append(record.select_records(slice(first, last)))
     begins = times[starts]
-    found = [
+    groups = [
         _encode_block(*key, int(begins[key[1]]), part, timestep) for key, part in parts.items()
     ]
-    return found, begins
+    return groups, begins
 
 
 def _encode_block(
@@ -124,18 +124,18 @@ def expand_blocks(file: StoredFile) -> StoredFile:
     others = [channel for channel in file.channels if channel not in blocks]
     if not blocks:
         return file
-    found = [
+    named_blocks = [
         (channel, *group)
         for channel in blocks
         for content in file.messages[channel.id].iterate_contents()
         for group in read_block(channel, content)
     ]
     times = np.concatenate(
-        [items["log_time"] for channel, _, items in found if channel.topic == STATE_TOPIC]
+        [items["log_time"] for channel, _, items in named_blocks if channel.topic == STATE_TOPIC]
     )
     if np.any(times[1:] <= times[:-1]):
         raise ValueError("its states are not in order of time")
-    groups = [_message_group(*block, times) for block in found]
+    groups = [_message_group(*block, times) for block in named_blocks]
     for channel in others:
         [content] = file.messages[channel.id].iterate_contents()
         groups.append(single_message(channel.id, len(times) - 1, int(times[-1]), content))
@@ -180,8 +180,8 @@ def read_block(channel: Channel, content: bytes) -> Iterator[tuple[MessageLayout
             layout = contacts_record(int(point_counts(np.array(size))))
         else:
             sizes = int(channel.metadata["nq"]), int(channel.metadata["nv"])
-            known = last_state_record(*sizes), state_record(*sizes, 0), state_record(*sizes, 3)
-            layout = {each.size: each for each in known}[size]
+            layouts = last_state_record(*sizes), state_record(*sizes, 0), state_record(*sizes, 3)
+            layout = {each.size: each for each in layouts}[size]
         items = layout.fill_items(np.empty(count * size, np.uint8))
         for width, places in layout.values:
             length = width * len(places) * count

@@ -169,15 +169,15 @@ def message_indexes(
 
     Messages have these (rows, channels) sizes, at offsets from the start of all chunks.
     """
-    used = sizes != 0
-    channels, rows = np.nonzero(used.T)
+    is_used = sizes != 0
+    channels, rows = np.nonzero(is_used.T)
     chunk_of_row = np.repeat(np.arange(len(cuts) - 1), np.diff(cuts))
     entries = np.empty((len(rows), 2), np.uint64)
     entries[:, 0] = times[rows]
     entries[:, 1] = offsets[rows, channels] - offsets[cuts[:-1], 0][chunk_of_row[rows]]
     data, entry_size = entries.data.cast("B"), 16  # of a time and an offset, each of 8 bytes
     # Entries are sorted by channel, then by chunk.
-    counts = np.add.reduceat(used, cuts[:-1], axis=0, dtype=np.int64).T
+    counts = np.add.reduceat(is_used, cuts[:-1], axis=0, dtype=np.int64).T
     ends = (np.cumsum(counts).reshape(counts.shape) * entry_size).tolist()
     for chunk, lengths in enumerate((counts.T * entry_size).tolist()):
         parts, starts, size = list[bytes](), dict[int, int](), 0

@@ -121,8 +121,10 @@ def check_trace(data: bytes) -> CheckedTrace:
         raise ValueError(_MISMATCH)
     messages, trajectory_hash, record_json = _join_records(_RecordCheck(channels), chunks)
     topics = (channel.topic for channel in channels)
-    counted = dict(zip(topics, messages.tolist(), strict=True))
-    return CheckedTrace(counted, trajectory_hash, record_json, metadata.metadata, model.data)
+    counts_by_topic = dict(zip(topics, messages.tolist(), strict=True))
+    return CheckedTrace(
+        counts_by_topic, trajectory_hash, record_json, metadata.metadata, model.data
+    )
 
 
 def _frame_stored_chunk(
@@ -219,8 +221,8 @@ class _RecordCheck:
         content = SCRATCH.take_buffer("chunk", chunk.size)
         unpack_chunk(chunk.packed, content)
         check = _load_checker() if is_wanted() else None
-        read = self._read_by_columns if check is None else partial(self._read_in_c, check)
-        states, sizes = read(content, chunk)
+        read_messages = self._read_by_columns if check is None else partial(self._read_in_c, check)
+        states, sizes = read_messages(content, chunk)
         messages = np.zeros(len(self.channels), np.int64)
         for channel, entries in chunk.entries.items():
             messages[channel - 1] = len(entries)
@@ -248,11 +250,11 @@ class _RecordCheck:
             channels[:, 3] = self._kinds
             for channel, entries in chunk.entries.items():
                 channels[channel - 1, :2] = entries.ctypes.data, len(entries)
-            known = [*self._layouts.items()]
+            known_layouts = [*self._layouts.items()]
             layouts = np.array(
                 [
                     (*key, each.template_bytes.ctypes.data, each.mask.ctypes.data, 0)
-                    for key, each in known
+                    for key, each in known_layouts
                 ]
             )
             tables = [
@@ -266,8 +268,10 @@ class _RecordCheck:
             self._add_layout(content, -result - 1)
         if result:
             raise ValueError((_CUT, _MISPLACED, _UNORDERED, _DIFFERENT)[result - 1])
-        used = zip(known, layouts[:, 4].tolist(), strict=True)
-        return states, Counter({size: n for ((kind, size), _), n in used if n and kind == _STATES})
+        layout_counts = zip(known_layouts, layouts[:, 4].tolist(), strict=True)
+        return states, Counter(
+            {size: n for ((kind, size), _), n in layout_counts if n and kind == _STATES}
+        )
 
     def _add_layout(self, content: NDArray[np.uint8], offset: int) -> None:
         head = ChannelMessages(content, np.array([offset]))
@@ -289,9 +293,9 @@ class _RecordCheck:
             raise ValueError(_MISPLACED)
         messages = ChannelMessages(content, offsets)
         heads, sizes = messages.heads, messages.sizes
-        named = np.column_stack((heads["opcode"], heads["channel"], heads["log_time"]))
+        read_heads = np.column_stack((heads["opcode"], heads["channel"], heads["log_time"]))
         stated = np.column_stack((np.full_like(ids, Opcode.MESSAGE), ids, times))
-        if np.any(named != stated) or np.any(np.diff(offsets, append=len(content)) != sizes):
+        if np.any(read_heads != stated) or np.any(np.diff(offsets, append=len(content)) != sizes):
             raise ValueError(_MISPLACED)
         if heads["sequence"].any() or np.any(heads["publish_time"] != times):
             raise ValueError(_DIFFERENT)
@@ -302,7 +306,7 @@ class _RecordCheck:
         )
         if ids[0] != STATE_CHANNEL or not later.all():
             raise ValueError(_UNORDERED)
-        kinds, used = self._kinds[ids - 1], Counter[int]()
+        kinds, state_sizes = self._kinds[ids - 1], Counter[int]()
         states = np.empty((len(chunk.entries[STATE_CHANNEL]), int(self._spans[:, 1].sum()) // 8))
         for kind, size in np.unique(np.column_stack((kinds, sizes))[kinds > 0], axis=0).tolist():
             chosen = (kinds == kind) & (sizes == size)
@@ -310,10 +314,10 @@ class _RecordCheck:
                 self._add_layout(content, int(offsets[chosen][0]))
             items = messages.pick_records(chosen, self._layouts[kind, size])
             if kind == _STATES:
-                used[size] = len(items)
+                state_sizes[size] = len(items)
                 rows = sizes[ids == STATE_CHANNEL] == size
                 states[rows] = np.column_stack((items["time"], items["qpos"], items["qvel"]))
-        return states, used
+        return states, state_sizes
 
     def _expand_blocks(
         self,
@@ -331,29 +335,29 @@ class _RecordCheck:
             for channel in sorted(self._blocks & chunk.entries.keys())
         }
         times = {
-            channel: np.concatenate([items["log_time"] for _, items in found])
-            for channel, found in groups.items()
+            channel: np.concatenate([items["log_time"] for _, items in blocks])
+            for channel, blocks in groups.items()
         }
-        known = times[STATE_CHANNEL]
-        if np.any(known[1:] <= known[:-1]):
+        state_times = times[STATE_CHANNEL]
+        if np.any(state_times[1:] <= state_times[:-1]):
             raise ValueError(_UNORDERED)
-        for channel, found in groups.items():
+        for channel, blocks in groups.items():
             topic, own = self.channels[channel - 1].topic, times[channel]
-            rows = np.searchsorted(known, own)
-            is_known = np.array_equal(known[np.minimum(rows, len(known) - 1)], own)
-            if not is_known or any(np.any(np.diff(items["log_time"]) <= 0) for _, items in found):
+            rows = np.searchsorted(state_times, own)
+            is_known = np.array_equal(state_times[np.minimum(rows, len(state_times) - 1)], own)
+            if not is_known or any(np.any(np.diff(items["log_time"]) <= 0) for _, items in blocks):
                 raise ValueError(f"messages of {topic} are out of order, or have no state")
             if len(np.unique(own)) != len(own):
                 raise ValueError("a channel has two messages of one time")
             messages[channel - 1] = len(own)
-        found, sizes = groups[STATE_CHANNEL], Counter[int]()
-        for layout, items in found:
+        blocks, sizes = groups[STATE_CHANNEL], Counter[int]()
+        for layout, items in blocks:
             sizes[layout.size] += len(items)
         states = np.concatenate(
-            [np.column_stack((i["time"], i["qpos"], i["qvel"])) for _, i in found]
+            [np.column_stack((i["time"], i["qpos"], i["qvel"])) for _, i in blocks]
         )
-        bounds = int(known[0]), int(known[-1])
-        return _Records(states, bounds, sizes, found[-1][0].size, messages, evidence)
+        bounds = int(state_times[0]), int(state_times[-1])
+        return _Records(states, bounds, sizes, blocks[-1][0].size, messages, evidence)
 
 
 def _iterate_contents(content: NDArray[np.uint8], entries: NDArray[np.uint64]) -> Iterator[bytes]:

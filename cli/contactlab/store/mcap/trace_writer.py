@@ -66,10 +66,10 @@ class TraceEncoder:
         self._times, self._in_order = _log_times(trace.time)
         self._pairs = tuple(pair.name for pair in trace.pairs)
         channels = {name: channel for channel, name in enumerate(self._pairs, STATE_CHANNEL + 1)}
-        found = {channels[net.name]: net for net in series if net.contacts.any()}
+        net_of_channel = {channels[net.name]: net for net in series if net.contacts.any()}
         touching = {
-            channel: (trace.pairs[channel - STATE_CHANNEL - 1], found[channel])
-            for channel in sorted(found)
+            channel: (trace.pairs[channel - STATE_CHANNEL - 1], net_of_channel[channel])
+            for channel in sorted(net_of_channel)
         }
         self._columns = TraceColumns(trace, self._times, touching)
 

@@ -50,8 +50,8 @@ class ObjectBackend(ObjectClient):
 
     def read_file(self, name: str) -> bytes | None:
         """Return the content of an object; None if it does not exist."""
-        found = self.find_object(name)
-        return None if found is None else found.data
+        stored_object = self.find_object(name)
+        return None if stored_object is None else stored_object.data
 
     def local_copy(self, manifest: bytes, names: Collection[str]) -> Path:
         """Return a local folder with a manifest and its files, fetched if the manifest is new."""
@@ -132,8 +132,8 @@ class ObjectBackend(ObjectClient):
 
 
 def _take_first(coming: deque[tuple[Path, Future[bool]]]) -> Iterator[Path | None]:
-    path, found = coming.popleft()
-    yield path if found.result() else None
+    path, presence = coming.popleft()
+    yield path if presence.result() else None
     path.unlink(missing_ok=True)
 
 
@@ -154,9 +154,9 @@ class ObjectSession:
         # The manifest goes first and the identity last: a half-removed store must not look
         # finished, nor contain runs without a sweep.
         self._objects.delete_files([MANIFEST])
-        kept = {LOCK, IDENTITY}
+        kept_names = {LOCK, IDENTITY}
         self._objects.delete_files(
-            [name for name, _ in self._objects.list_sizes() if name not in kept]
+            [name for name, _ in self._objects.list_sizes() if name not in kept_names]
         )
         self._objects.delete_files([IDENTITY])
 

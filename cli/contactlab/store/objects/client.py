@@ -131,11 +131,11 @@ class ObjectClient:
         """
         try:
             with self._plain_errors(self.address / name, missing_ok=over is not None):
-                written = obstore.put(self.store, name, data, mode=over or "create")
-                return _update_version(written["e_tag"], written["version"])
+                put_result = obstore.put(self.store, name, data, mode=over or "create")
+                return _update_version(put_result["e_tag"], put_result["version"])
         except (AlreadyExistsError, PreconditionError, FileNotFoundError):
-            found = self.find_object(name)
-            return found.version if found and found.data == data else None
+            stored_object = self.find_object(name)
+            return stored_object.version if stored_object and stored_object.data == data else None
 
     def find_object(self, name: str) -> StoredObject | None:
         """Return an object; None if no object has that name."""
@@ -173,8 +173,8 @@ class ObjectClient:
     def top_names(self) -> set[str]:
         """Return the names of the folders and objects right below the address."""
         with self._plain_errors(self.address):
-            listed = obstore.list_with_delimiter(self.store)
-        names = [*listed["common_prefixes"], *(entry["path"] for entry in listed["objects"])]
+            listing = obstore.list_with_delimiter(self.store)
+        names = [*listing["common_prefixes"], *(entry["path"] for entry in listing["objects"])]
         return {name.strip("/") for name in names}
 
     def delete_files(self, names: Iterable[str]) -> None:

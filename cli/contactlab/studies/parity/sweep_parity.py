@@ -256,7 +256,7 @@ def _quantity_checks(name: str, rule: MetricRule, runs: Sequence[RunParity]) -> 
         shown = f"{ours:.4g} -> {theirs:.4g}; "
     code = WORSE if average > share and any(beyond) else SAME
     message = f"{shown}runs differ by {format_percent(average)} {tolerance}"
-    yield mean.single(code, message, judged=len(told))
+    yield mean.single(code, message, judged_count=len(told))
     ranked = sorted(
         told, key=lambda entry: (not entry[1].above_tolerance, -(entry[1].difference or 0))
     )
