@@ -114,7 +114,7 @@ class InterleavedTimer:
         shares = {run_id: len(group) for group in groups for run_id in group}
         run_times: dict[str, list[tuple[float, float, float]]] = {run_id: [] for run_id in shares}
 
-        def time_run(run_id: str) -> tuple[TimesSteps, Segments]:
+        def prepare_run(run_id: str) -> tuple[TimesSteps, Segments]:
             resolved = runs[run_id]
             return _timing_engine(resolved), self._timed_segments(
                 run_id, resolved, counted_work[run_id]
@@ -122,12 +122,12 @@ class InterleavedTimer:
 
         with _no_garbage_collection():
             portions = {
-                run_id: _choose_portion(*time_run(run_id), share)
+                run_id: _choose_portion(*prepare_run(run_id), share)
                 for run_id, share in shares.items()
             }
             for later in reversed(range(self.rounds)):
                 for run_id in chain(*groups):
-                    run_times[run_id].append(_measure_times(*time_run(run_id), portions[run_id]))
+                    run_times[run_id].append(_measure_times(*prepare_run(run_id), portions[run_id]))
                     advance(1)
                 before = sum(map(len, groups))
                 groups = select(
