@@ -84,9 +84,9 @@ def word_colours(field: str, words: Sequence[str], colours: Sequence[str]) -> al
 
 def apply_theme(spec: Spec) -> Spec:
     """Return a specification in the theme that all charts share."""
-    given = spec.get("config", {})
-    own = {part: _THEME[part] | given.get(part, {}) for part in ("axis", "legend", "view")}
-    return {**spec, "config": given | _THEME | own}
+    own_config = spec.get("config", {})
+    own = {part: _THEME[part] | own_config.get(part, {}) for part in ("axis", "legend", "view")}
+    return {**spec, "config": own_config | _THEME | own}
 
 
 def with_page_colours(spec: Spec) -> Spec:
@@ -112,7 +112,7 @@ def adaptive_svg(spec: Spec) -> str:
         if f'{part}="{colour}"' in svg
     )
     style = f"<style>@media (prefers-color-scheme:dark){{{rules}}}</style>"
-    return re.sub(r"(<svg [^>]*>)", lambda found: found[1] + style, svg, count=1)
+    return re.sub(r"(<svg [^>]*>)", lambda match: match[1] + style, svg, count=1)
 
 
 def _dark_colour(text: str) -> str:
@@ -143,15 +143,15 @@ def colours_on_dark(colours: Iterable[str]) -> str:
     return f"@media screen and (prefers-color-scheme: dark) {{ :root {{ {lines} }} }}\n"
 
 
-def _with_texts(part: Any, changed: Callable[[str], str], kept: Container[str] = ()) -> Any:  # noqa: ANN401 - JSON
+def _with_texts(part: Any, changed: Callable[[str], str], kept_keys: Container[str] = ()) -> Any:  # noqa: ANN401 - JSON
     """Return a part of a specification with changed texts, except below some keys."""
     if isinstance(part, dict):
         return {
-            key: value if key in kept else _with_texts(value, changed, kept)
+            key: value if key in kept_keys else _with_texts(value, changed, kept_keys)
             for key, value in part.items()
         }
     if isinstance(part, list):
-        return [_with_texts(item, changed, kept) for item in part]
+        return [_with_texts(item, changed, kept_keys) for item in part]
     return changed(part) if isinstance(part, str) else part
 
 
@@ -252,8 +252,8 @@ def vega_bundle() -> str:
         target = folder / f"vega-{release}-{short_hash([release, _EXPOSED])}.js"
         if not target.exists():
             # Two processes may bundle it at once; each replaces the file as a whole.
-            with TemporaryDirectory(dir=folder) as made:
-                file = Path(made) / target.name
+            with TemporaryDirectory(dir=folder) as temporary:
+                file = Path(temporary) / target.name
                 file.write_bytes(_bundle_vega().encode())
                 file.replace(target)
         return target.read_bytes().decode()

@@ -43,13 +43,13 @@ def read_advisories(files: Iterable[Path]) -> tuple[Advisory, ...]:
     Raises:
         AdvisoryError: a file is wrong, or two advisories have one id.
     """
-    found = dict[str, Advisory]()
+    by_id = dict[str, Advisory]()
     for file in files:
         advisory = read_advisory(file)
-        if advisory.id in found:
+        if advisory.id in by_id:
             raise AdvisoryError(f"{file}: there is another {advisory.id}; give it the next number")
-        found[advisory.id] = advisory
-    return tuple(found[name] for name in sorted(found))
+        by_id[advisory.id] = advisory
+    return tuple(by_id[name] for name in sorted(by_id))
 
 
 def read_advisory(file: Path) -> Advisory:
@@ -62,8 +62,8 @@ def read_advisory(file: Path) -> Advisory:
         digest = sha256(file.read_bytes()).hexdigest()
     except OSError:
         return parse_advisory(file)  # which says why
-    known = _read_index().get(digest)
-    return parse_advisory(file) if known is None else Advisory.model_validate(known)
+    indexed = _read_index().get(digest)
+    return parse_advisory(file) if indexed is None else Advisory.model_validate(indexed)
 
 
 _read_index = cache(resources.advisory_index)

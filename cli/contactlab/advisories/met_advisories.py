@@ -80,8 +80,8 @@ def describe_met_advisory(
     verb = verb or ("may meet" if advisory.occurs else "meets")
     fixed = advisory.find_fixed_release(engine.version)
     state = f"fixed in {fixed}" if fixed else "not fixed yet"
-    known = f"{advisory.severity} in {advisory.engine} {engine.version}, {state}"
-    return f"{verb} {advisory.id}{where} ({known}): {advisory.title}; {describe_remedy(advisory)}"
+    facts = f"{advisory.severity} in {advisory.engine} {engine.version}, {state}"
+    return f"{verb} {advisory.id}{where} ({facts}): {advisory.title}; {describe_remedy(advisory)}"
 
 
 def describe_remedy(advisory: Advisory) -> str:

@@ -38,11 +38,11 @@ def replay_witness(advisory: Advisory) -> WitnessRun:
         mujoco.mj_forward(model, data)
         elements = list_elements(parse_text(witness.model, "witness.model"))
         facts = ModelFacts(model, data, lambda: elements)
-        measured = FieldExpression(witness.measure).evaluate_facts(facts)
+        result = FieldExpression(witness.measure).evaluate_facts(facts)
         obstacle = find_obstacle("applies", advisory.applies, facts)
         if not obstacle and advisory.occurs:
             obstacle = find_obstacle("occurs", advisory.occurs, facts)
-        return WitnessRun(measured, obstacle)
+        return WitnessRun(result, obstacle)
     except (ValueError, KeyError, mujoco.FatalError, ExpressionError, SceneError) as error:
         raise AdvisoryError(f"{advisory.id}: {str(error).partition(chr(10))[0]}") from error
 
@@ -58,7 +58,7 @@ def compile_witness(witness: Witness) -> mujoco.MjModel:
         return mujoco.MjModel.from_xml_string(spec.to_xml())
 
 
-def fault_share(witness: Witness, measured: float) -> float:
+def fault_share(witness: Witness, result: float) -> float:
     """Return how far a value is on the way from right to wrong; infinite if it is not a number."""
-    share = (measured - witness.right) / (witness.wrong - witness.right)
+    share = (result - witness.right) / (witness.wrong - witness.right)
     return share if share == share else float("inf")  # noqa: PLR0124 - not a number

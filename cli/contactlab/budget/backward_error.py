@@ -36,16 +36,16 @@ def _measure_run(
 ) -> BackwardError:
     try:
         motion = motion_of_run(runs.models[run], runs.starts, run, runs.steps)
-        known = None if states is None else states[None]
-        phase = PhaseMeasure(motion, rows, _ALONE, known).budget()
+        known_states = None if states is None else states[None]
+        phase = PhaseMeasure(motion, rows, _ALONE, known_states).budget()
     except EngineError:
         return _NOTHING_MOVES
     worst, energy = phase.run, phase.energy_origin
     where = phase.bodies[worst.body], worst.time
-    found = BackwardError(worst.error, *where, phase.energy_drift, energy.body, energy.time)
+    error_of_run = BackwardError(worst.error, *where, phase.energy_drift, energy.body, energy.time)
     effects = (
         ChoiceEffect(row.name, row.error, phase.bodies[row.body], row.time)
         for row in phase.rows
         if row.exercised
     )
-    return found._replace(effects=tuple(effects)) if rows else found
+    return error_of_run._replace(effects=tuple(effects)) if rows else error_of_run

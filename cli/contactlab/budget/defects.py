@@ -37,9 +37,9 @@ def to_the_limit(quarter: Floats, eighth: Floats) -> Floats:
     Extrapolated as Richardson does from those against h/8 (B,): in first order, what h/8 adds to
     h/4 is half of what is left to add. At least a half, and 1 for what gave up or has no defect.
     """
-    known = (quarter > 0) & np.isfinite(quarter) & np.isfinite(eighth)
-    factors = 2 * np.where(known, eighth, 1) / np.where(known, quarter, 1) - 1
-    return np.where(known, np.maximum(factors, 0.5), 1.0)
+    is_usable = (quarter > 0) & np.isfinite(quarter) & np.isfinite(eighth)
+    factors = 2 * np.where(is_usable, eighth, 1) / np.where(is_usable, quarter, 1) - 1
+    return np.where(is_usable, np.maximum(factors, 0.5), 1.0)
 
 
 def paths(velocities: Floats) -> Floats:
@@ -63,13 +63,13 @@ def energy_defects(end: Floats, around: Floats) -> Floats:
     return np.stack((apart, forgiven), axis=-1)
 
 
-def settled(found: Floats) -> Floats:
+def settled(defects_by_rate: Floats) -> Floats:
     """Return (W,) defects of energy, from (W, 2) of windows that follow upon each other.
 
     What was forgiven to one is taken off the next, where it is of the other sign: an event that
     the run has a step too early, or a part of it, is missing afterwards.
     """
-    apart, forgiven = found.T
+    apart, forgiven = defects_by_rate.T
     before = np.nan_to_num(np.append(0.0, forgiven[:-1]))
     back = np.where(before * apart < 0, np.minimum(np.abs(before), np.abs(apart)), 0.0)
     return apart - np.copysign(back, apart)
@@ -90,5 +90,5 @@ def drift(shares: Floats) -> float:
         low, high = min(last.min(), 0), max(last.max(), 0)
         trend = np.clip(1.5 * (last.mean() - sums[:third].mean()), low, high)
         stays = max(last.min(), 0) + min(last.max(), 0)
-        found = max(trend, stays, key=abs) if len(sums) > 2 else sums[-1]
-    return float(np.inf if np.isnan(found) else found)
+        largest = max(trend, stays, key=abs) if len(sums) > 2 else sums[-1]
+    return float(np.inf if np.isnan(largest) else largest)

@@ -41,22 +41,22 @@ def error_budget(
     Raises:
         EngineError: nothing moves that has mass, a row is unknown, or the engine refuses a batch.
     """
-    known = [row.name for row in list_rows()]
+    row_names = [row.name for row in list_rows()]
     for name in rows or ():
-        EngineError.unless_known(name, known, f"no row of a budget is called {name!r}")
-    wanted = [row for row in list_rows() if rows is None or row.name in rows]
+        EngineError.unless_known(name, row_names, f"no row of a budget is called {name!r}")
+    chosen_rows = [row for row in list_rows() if rows is None or row.name in rows]
     silence_mujoco()
     settings = replace(settings, workers=workers or os.cpu_count() or 1)
     phases, runs = list[PhaseBudget](), list[Run]()
     for motion in motions:  # one after the other: each measure holds models
-        measure = PhaseMeasure(motion, wanted, settings)
+        measure = PhaseMeasure(motion, chosen_rows, settings)
         phases.append(measure.budget())
         runs.append(measure.run)
     budget = ErrorBudget(tuple(phases))
     if not settings.measures_time:
         return budget
-    timed = map(partial(_time_rows, budget, wanted), motions, runs, phases)
-    return ErrorBudget(tuple(timed))
+    timed_phases = map(partial(_time_rows, budget, chosen_rows), motions, runs, phases)
+    return ErrorBudget(tuple(timed_phases))
 
 
 def _time_rows(
@@ -69,14 +69,14 @@ def _time_rows(
 
     # A row is timed only in the phase that has its largest reading.
     loaded = {reading.name for reading in phase.rows if reading.exercised}
-    made = {
+    changed_models = {
         row.name: (partial(change_model, row), 1)
         for row in rows
         if row.has_time and row.name in loaded
         if (worst := budget.worst(row.name)) and worst[0] is phase
     }
-    if not made:
+    if not changed_models:
         return phase
-    ratios = measure_time_ratios(motion, run, made)
-    timed = (replace(reading, time_ratio=ratios.get(reading.name)) for reading in phase.rows)
-    return replace(phase, rows=tuple(timed))
+    ratios = measure_time_ratios(motion, run, changed_models)
+    timed_rows = (replace(reading, time_ratio=ratios.get(reading.name)) for reading in phase.rows)
+    return replace(phase, rows=tuple(timed_rows))

@@ -15,9 +15,9 @@ def exercised_rows(motion: Motion, rows: Sequence[Row]) -> set[str]:
 
     All steps of all seeds are searched until each row is found once.
     """
-    pending, shown = list(rows), set[str]()
+    pending, loaded = list(rows), set[str]()
     if not pending:
-        return shown
+        return loaded
     model = without_sensors(motion.model)
     data = mujoco.MjData(model)
     for seed in range(motion.seeds):
@@ -25,10 +25,10 @@ def exercised_rows(motion: Motion, rows: Sequence[Row]) -> set[str]:
         inputs = motion.rows(seed, np.arange(motion.steps))
         for step in range(motion.steps):
             if not pending:
-                return shown
+                return loaded
             if inputs is not None:
                 mujoco.mj_setState(model, data, inputs[step], motion.spec)
             mujoco.mj_step(model, data)
-            shown |= {row.name for row in pending if row.is_loaded(model, data)}
-            pending = [row for row in pending if row.name not in shown]
-    return shown
+            loaded |= {row.name for row in pending if row.is_loaded(model, data)}
+            pending = [row for row in pending if row.name not in loaded]
+    return loaded

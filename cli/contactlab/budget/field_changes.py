@@ -310,13 +310,13 @@ def _ever_stiffer(
         own = word if more == 1 else f"{word}-{more * times}"
         return _of_solref(model, parts, more * times, own, what)
 
-    def held(powers: Sequence[int]) -> list[Candidate]:
+    def possible_changes(powers: Sequence[int]) -> list[Candidate]:
         most_rate = 4  # steps in one of the run's that may hold it
         return [change for more in powers if (change := shorter(more)).rate <= most_rate]
 
     # Time constants get 4 and 16 times shorter still, or 2 times if no step holds these.
     before = tuple[str, ...]()
-    for change in (shorter(1), *(held((4, 16)) or held((2,)))):
+    for change in (shorter(1), *(possible_changes((4, 16)) or possible_changes((2,)))):
         yield replace(change, includes=before)
         before = (*before, change.name)
 
@@ -325,7 +325,7 @@ def _of_solref(
     model: mujoco.MjModel, parts: Sequence[tuple[str, int]], times: int, word: str, what: str
 ) -> Candidate:
     """Return a solref of so many times the frequency of rows of fields, at a step that holds it."""
-    found, rate = list[FieldValue](), 1
+    field_values, rate = list[FieldValue](), 1
     for field, row in parts:
         kind = FIELD_KINDS[field.partition("_")[0]]
         index = int(model.dof_jntid[row]) if field.startswith("dof_") else row
@@ -334,10 +334,10 @@ def _of_solref(
         if own[0] > 0:
             rate = max(rate, 2 ** math.ceil(math.log2(2 * model.opt.timestep / own[0])))
         axis = f"{field}[{name_of(model, kind, index)}]"
-        found.append(FieldValue(field, (row,), axis, tuple(map(float, own))))
+        field_values.append(FieldValue(field, (row,), axis, tuple(map(float, own))))
     at = "" if rate == 1 else f" at {PARTS_OF_A_STEP.get(rate, f'1/{rate} of')} the step"
     name = f"solref / {times} of {what}{at}"
-    return build_candidate(name, word, found, word="depends", rate=rate)
+    return build_candidate(name, word, field_values, word="depends", rate=rate)
 
 
 def _named_parts(model: mujoco.MjModel, reason: BudgetReason) -> Iterator[tuple[str, int]]:

@@ -116,8 +116,8 @@ def candidates_against(motions: Sequence[Motion], verdict: Verdict) -> tuple[Can
     usual = (*list_candidates(), *_refine_further(model, verdict))
     if verdict.word == "depends":
         return (*usual, *without_margins(model), *changes, *harder(model, changes))
-    held = _held_constants(model) if raises_time_constants(model) else ()
-    return (*usual, *changes, *held)
+    held_constants = _held_constants(model) if raises_time_constants(model) else ()
+    return (*usual, *changes, *held_constants)
 
 
 def without_margins(model: mujoco.MjModel) -> Iterator[Candidate]:
@@ -130,8 +130,8 @@ def without_margins(model: mujoco.MjModel) -> Iterator[Candidate]:
         for row in map(int, np.flatnonzero(getattr(model, field)))
     ]
     if values:
-        made = build_candidate("no margin of any contact", fix.apply, values, word="depends")
-        yield replace(made, rows=fix.rows, exercised=fix.exercised)
+        candidate = build_candidate("no margin of any contact", fix.apply, values, word="depends")
+        yield replace(candidate, rows=fix.rows, exercised=fix.exercised)
 
 
 def _held_constants(model: mujoco.MjModel) -> Iterator[Candidate]:
@@ -153,8 +153,8 @@ def _held_constants(model: mujoco.MjModel) -> Iterator[Candidate]:
         part = name if name.startswith(f"{kind}[") else f"{kind} {name}"
         more = f" and {len(values) - 1} more" if len(values) > 1 else ""
         phrase = f"solref {least:g}, two steps, of {part}{more}"
-        made = build_candidate(phrase, fix.apply, values)
-        yield replace(made, exercised=fix.exercised, must_come_nearer=False)
+        candidate = build_candidate(phrase, fix.apply, values)
+        yield replace(candidate, exercised=fix.exercised, must_come_nearer=False)
 
 
 def _name_axis(model: mujoco.MjModel, field: str, row: int) -> str:
@@ -318,40 +318,40 @@ def try_fixes(
     )
     if not possible:
         return ()
-    judged = _FixJudge(
+    fix_judge = _FixJudge(
         motions, verdict, word, rows if word == "depends" else (), trial, count_pace(motions)
     )
     comparable = [candidate for candidate in possible if candidate.same_states]
-    if (compared := judged.compared(comparable)) is None:
-        return tuple(judged.not_ended(candidate) for candidate in possible)
+    if (compared := fix_judge.compared(comparable)) is None:
+        return tuple(fix_judge.not_ended(candidate) for candidate in possible)
     before, apart_of = compared
-    tried, moved = list[TriedFix](), [(1, before)]
+    tried_fixes, moved = list[TriedFix](), [(1, before)]
     while possible:
         candidate = possible.pop(0)
         own = apart_of.get(candidate.name, math.nan)
         if candidate.apply and candidate.apply in trial.requested:
             alone = replace(trial, find_time_left=TRIAL.find_time_left, finds_harm=TRIAL.finds_harm)
-            tried.append(judged._replace(trial=alone).judge_fix(candidate, before, own))
+            tried_fixes.append(fix_judge._replace(trial=alone).judge_fix(candidate, before, own))
             continue
-        removing = [fix for fix in tried if fix.removes or fix.harms]
+        removing = [fix for fix in tried_fixes if fix.removes or fix.harms]
         safely = any(fix.safely for fix in removing)
-        harmful = sum(fix.harms for fix in tried)
+        harmful = sum(fix.harms for fix in tried_fixes)
         most = math.inf if trial.most is None else trial.most
         enough = harmful >= most or (len(removing) >= most and safely)
         alike = _is_alike(candidate, own, moved)
         if enough or alike or _is_redundant(candidate, own, word, removing):
             continue
         moved.append((candidate.rate, own))
-        tried.append(judged.judge_fix(candidate, before, own))
-        possible.sort(key=partial(_waits_for_finer, candidate, tried[-1], word))
-    return tuple(sorted(tried, key=fix_rank))
+        tried_fixes.append(fix_judge.judge_fix(candidate, before, own))
+        possible.sort(key=partial(_waits_for_finer, candidate, tried_fixes[-1], word))
+    return tuple(sorted(tried_fixes, key=fix_rank))
 
 
 def _waits_for_finer(
-    candidate: Candidate, found: TriedFix, word: VerdictWord, other: Candidate
+    candidate: Candidate, tried_fix: TriedFix, word: VerdictWord, other: Candidate
 ) -> bool:
     """Return whether a candidate is tried later, since stiffer parts need a finer step."""
-    unheld = word == "depends" and candidate.changes_model and found.word == "inaccurate"
+    unheld = word == "depends" and candidate.changes_model and tried_fix.word == "inaccurate"
     return unheld and other.changes_model and other.rate <= candidate.rate
 
 
@@ -476,7 +476,7 @@ class _FixJudge(NamedTuple):
             rates * steps_of(self._failed_motions)
         ):
             return None
-        found = np.zeros(1 + len(candidates))
+        largest = np.zeros(1 + len(candidates))
         for motion in self._failed_motions:
             rivals = [ChangedModel(motion.model)]
             rivals += [
@@ -490,8 +490,8 @@ class _FixJudge(NamedTuple):
                 target=target,
                 finest=finest,
             )
-            found = np.maximum(found, apart)
-        return found.tolist()
+            largest = np.maximum(largest, apart)
+        return largest.tolist()
 
     def _make_reference(self, model: mujoco.MjModel, own: mujoco.MjModel) -> None:
         """Change the model of the finest motion into the reference, in place."""
@@ -527,32 +527,32 @@ class _FixJudge(NamedTuple):
                 looked = self._look_first(motions, settings)
                 if looked is None:
                     return self.not_ended(candidate)
-                phases, budget, found = looked
+                phases, budget, new_verdict = looked
                 removes, screened = (
-                    self._removes_verdict(found),
+                    self._removes_verdict(new_verdict),
                     self.word == "depends" and not place,
                 )
                 harms = removes and screened and self.trial.finds_harm(candidate, edits)
                 if removes and not harms:
-                    measured = self._budget_of(phases, motions, steps)
-                    if measured is None:
+                    measurement = self._budget_of(phases, motions, steps)
+                    if measurement is None:
                         return self.not_ended(candidate)
-                    budget, found = measured
+                    budget, new_verdict = measurement
                     numerics = ErrorBudget(tuple(replace(each, rows=()) for each in budget.phases))
                     half = _SAFE_SHARE * self.verdict.tolerance
                     sound &= judge(numerics, half).word == "ok"
                 steps -= steps_of(motions)
                 worst = budget.worst(row)
                 shares += [worst[1].error] if worst and worst[1].exercised else []
-                word, removes = found.word, self._removes_verdict(found)
+                word, removes = new_verdict.word, self._removes_verdict(new_verdict)
                 safely &= self._removes_verdict(judge(budget, _SAFE_SHARE * self.verdict.tolerance))
                 if not removes or harms:
                     break
         # If the changed model no longer has the row, its distance to the reference remains.
         share = max(shares, default=apart if candidate.must_come_nearer else math.nan)
-        timed = removes and not harms and candidate.same_states
-        ratio = _measure_time_ratio(first, candidate, self._trial_settings) if timed else None
-        cost = _count_cost(first, candidate) if timed else math.inf
+        is_timed = removes and not harms and candidate.same_states
+        ratio = _measure_time_ratio(first, candidate, self._trial_settings) if is_timed else None
+        cost = _count_cost(first, candidate) if is_timed else math.inf
         return TriedFix(
             name=candidate.name,
             removes=removes and not harms,
@@ -580,15 +580,17 @@ class _FixJudge(NamedTuple):
             if place:
                 yield group, True
                 continue
-            named = [motion for motion in group if motion.name in self._failed_phases]
+            failed_motions = [motion for motion in group if motion.name in self._failed_phases]
             others = [motion for motion in group if motion.name not in self._failed_phases]
-            yield from ((some, False) for some in (named, others) if some)
+            yield from ((some, False) for some in (failed_motions, others) if some)
 
     def _change_motions(self, candidate: Candidate) -> Iterator[Sequence[Motion]]:
         yield [changed(motion, candidate) for motion in self.motions]
 
-    def _removes_verdict(self, found: Verdict) -> bool:
-        return found.word == "ok" or (self.word == "inaccurate" and found.word == "depends")
+    def _removes_verdict(self, new_verdict: Verdict) -> bool:
+        return new_verdict.word == "ok" or (
+            self.word == "inaccurate" and new_verdict.word == "depends"
+        )
 
     def _look_first(
         self, motions: Sequence[Motion], settings: Settings
@@ -609,7 +611,7 @@ class _FixJudge(NamedTuple):
         seeds, model = max(motion.seeds for motion in motions), motions[0].model
         rows = [row for row in list_rows() if row.name in self.rows]
         phases, begun = list[PhaseMeasure](), [None for _ in motions]
-        budget, found = ErrorBudget(()), self.verdict
+        budget, verdict = ErrorBudget(()), self.verdict
         for some, most in ((first, 2 * seeds), (motions, 2)):
             if not self._can_afford(
                 evaluations(model, self._quick_settings, rows) * steps_of(some)
@@ -622,10 +624,10 @@ class _FixJudge(NamedTuple):
                 for motion, looked in zip(some, begun, strict=True)
             ]
             budget = ErrorBudget(tuple(phase.first_look() for phase in phases))
-            found = judge(budget, most * within)
-            if not self._removes_verdict(found):
+            verdict = judge(budget, most * within)
+            if not self._removes_verdict(verdict):
                 break
-        return phases, budget, found
+        return phases, budget, verdict
 
     def _budget_of(
         self, phases: Sequence[PhaseMeasure], motions: Sequence[Motion], steps: float
@@ -665,10 +667,10 @@ def _is_exercised(name: str, motions: Sequence[Motion]) -> bool:
 
 def changed_model(model: mujoco.MjModel, candidate: Candidate) -> mujoco.MjModel:
     """Return a changed copy of a model."""
-    made = copy.copy(candidate.compiled or model)
-    candidate.change(made)
-    set_timestep(made, model.opt.timestep / candidate.rate)
-    return made
+    changed_copy = copy.copy(candidate.compiled or model)
+    candidate.change(changed_copy)
+    set_timestep(changed_copy, model.opt.timestep / candidate.rate)
+    return changed_copy
 
 
 def changed(motion: Motion, candidate: Candidate) -> Motion:
@@ -680,8 +682,11 @@ def changed(motion: Motion, candidate: Candidate) -> Motion:
 def _measure_time_ratio(
     motion: Motion, candidate: Candidate, settings: Settings
 ) -> TimeRatio | None:
-    run, made = replay(motion, settings.window, 1), partial(changed_model, motion.model, candidate)
-    return measure_time_ratios(motion, run, {candidate.name: (made, candidate.rate)}).get(
+    run, make_model = (
+        replay(motion, settings.window, 1),
+        partial(changed_model, motion.model, candidate),
+    )
+    return measure_time_ratios(motion, run, {candidate.name: (make_model, candidate.rate)}).get(
         candidate.name
     )
 
@@ -693,12 +698,12 @@ def _count_cost(motion: Motion, candidate: Candidate) -> float:
     return candidate.rate * count_step_seconds(motion, changed, states) / own
 
 
-def sentence(reason: BudgetReason, tried: Sequence[TriedFix]) -> str:
+def sentence(reason: BudgetReason, tried_fixes: Sequence[TriedFix]) -> str:
     """Return a reason with the fix that removes it, and its time ratio."""
-    found = [fix for fix in tried if fix.removes]
-    if not found:
-        names = ", ".join(fix.name for fix in tried)
+    removing = [fix for fix in tried_fixes if fix.removes]
+    if not removing:
+        names = ", ".join(fix.name for fix in tried_fixes)
         return f"{reason.sentence}; not removed by: {names}" if names else reason.sentence
-    ratio = found[0].time_ratio
+    ratio = removing[0].time_ratio
     cost = f" (x{ratio.ratio:.2f} time)" if ratio else ""
-    return f"{reason.sentence}; fix: {found[0].name}{cost}"
+    return f"{reason.sentence}; fix: {removing[0].name}{cost}"

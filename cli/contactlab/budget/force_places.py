@@ -55,7 +55,7 @@ def find_force_place(
         return ""
     nothing = np.zeros((stretch.steps, model.nv))
     with np.errstate(invalid="ignore", over="ignore"):
-        given = {
+        sizes = {
             name: np.linalg.norm(
                 (one.get(name, nothing) - other.get(name, nothing)) @ moved.T, axis=1
             )
@@ -63,10 +63,10 @@ def find_force_place(
         }
     # Of a motion that diverges, while it is one.
     whole = [
-        all(np.isfinite(size[step]) for size in given.values()) for step in range(stretch.steps)
+        all(np.isfinite(size[step]) for size in sizes.values()) for step in range(stretch.steps)
     ]
     until = stretch.steps if all(whole) else max(1, whole.index(False))
-    largest = {name: float(np.nan_to_num(size[:until]).max()) for name, size in given.items()}
+    largest = {name: float(np.nan_to_num(size[:until]).max()) for name, size in sizes.items()}
     name = max(largest, key=lambda key: largest[key], default="")
     return name if largest.get(name, 0) > 0 else ""
 
@@ -76,7 +76,7 @@ def sum_impulses(stretch: Stretch, model: mujoco.MjModel, timestep: float) -> Im
     data, rate = mujoco.MjData(model), max(1, round(timestep / model.opt.timestep))
     mujoco.mj_setState(model, data, stretch.state, INTEGRATION)
     sums: dict[str, Floats] = defaultdict(lambda: np.zeros(model.nv))
-    found: dict[str, Floats] = defaultdict(lambda: np.zeros((stretch.steps, model.nv)))
+    impulses: dict[str, Floats] = defaultdict(lambda: np.zeros((stretch.steps, model.nv)))
     joints = [
         (joint_name(model, joint), slice(begin, end))
         for joint, (begin, end) in enumerate(pairwise([*model.jnt_dofadr.tolist(), model.nv]))
@@ -99,8 +99,8 @@ def sum_impulses(stretch: Stretch, model: mujoco.MjModel, timestep: float) -> Im
                     alone[dofs] = mine[dofs]
                     sums[name] += alone * model.opt.timestep
         for name, total in sums.items():
-            found[name][step] = total
-    return dict(found)
+            impulses[name][step] = total
+    return dict(impulses)
 
 
 def _constraint_rows(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, list[int]]:

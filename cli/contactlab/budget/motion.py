@@ -127,25 +127,25 @@ def without_delays(motion: Motion) -> Motion:
     delayed = np.flatnonzero(delays)
     if not delayed.size:
         return motion
-    data, seen = mujoco.MjData(model), np.empty((motion.seeds, motion.steps, model.nu))
+    data, acting_controls = mujoco.MjData(model), np.empty((motion.seeds, motion.steps, model.nu))
     for seed in range(motion.seeds):
         mujoco.mj_setState(model, data, motion.starts[seed], INTEGRATION)
         rows = motion.rows(seed, np.arange(motion.steps))
         for step in range(motion.steps):
             if rows is not None:
                 mujoco.mj_setState(model, data, rows[step], motion.spec)
-            seen[seed, step] = data.ctrl
+            acting_controls[seed, step] = data.ctrl
             for actuator in map(int, delayed):
                 first, count = model.actuator_ctrladr[actuator], model.actuator_ctrlnum[actuator]
                 own = np.zeros((count, 1))
                 own = mujoco.mj_readCtrl(model, data, actuator, data.time, own, -1)
-                seen[seed, step, first : first + count] = own.ravel()
+                acting_controls[seed, step, first : first + count] = own.ravel()
             mujoco.mj_step(model, data)
     others = motion.inputs
     if others.shape[2] and motion.spec & _CONTROL:
         others = others[:, :, model.nu :]
     spec = (motion.spec if motion.inputs.shape[2] else 0) | _CONTROL
-    return replace(motion, inputs=np.concatenate([seen, others], axis=2), spec=spec)
+    return replace(motion, inputs=np.concatenate([acting_controls, others], axis=2), spec=spec)
 
 
 def forget_delays(model: mujoco.MjModel) -> None:
@@ -159,6 +159,8 @@ def motion_of_run(
 ) -> Motion:
     """Return the motion of a scene's run: one seed, with the controls and forces that drive it."""
     batch = start_batch([model], starts.select_run(run))
-    given = driven_inputs(model, starts, run, steps)
-    inputs = given.get("control", np.empty((1, steps, 0)))
-    return Motion(model, batch.state.copy(), inputs, int(given.get("control_spec", _CONTROL)), name)
+    drive_inputs = driven_inputs(model, starts, run, steps)
+    inputs = drive_inputs.get("control", np.empty((1, steps, 0)))
+    return Motion(
+        model, batch.state.copy(), inputs, int(drive_inputs.get("control_spec", _CONTROL)), name
+    )

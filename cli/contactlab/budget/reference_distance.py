@@ -69,13 +69,13 @@ def distances_to_reference(
     for block in blocks(fine_model, np.argwhere(run.valid), most):
         windows = Windows(undelayed, run, settings.workers, block)
         fine, lost = windows.roll(fine_model, finest, whole=True)
-        seen = observer(fine)[0]
-        path = np.where(lost[:, None], 0, paths(seen[:, : run.steps * finest + 1 : finest]))
-        speed = np.linalg.norm(seen[:, 0], axis=-1) * (block[:, 1] == 0)[:, None]
+        velocities = observer(fine)[0]
+        path = np.where(lost[:, None], 0, paths(velocities[:, : run.steps * finest + 1 : finest]))
+        speed = np.linalg.norm(velocities[:, 0], axis=-1) * (block[:, 1] == 0)[:, None]
         np.add.at(real, block[:, 0], path + speed)
         for number, (model, rate) in enumerate(models):
-            kept, failed = windows.roll(model, rate)
-            own = defects(observer(kept)[0], seen[:, (run.steps - 1) * finest :])
+            states, failed = windows.roll(model, rate)
+            own = defects(observer(states)[0], velocities[:, (run.steps - 1) * finest :])
             own[failed] = np.inf
             np.add.at(apart[number], block[:, 0], np.where(lost[:, None], 0, own))
     if not run.valid.any():
@@ -85,11 +85,11 @@ def distances_to_reference(
     if motion.usual is not None:
         real = np.maximum(real, GRAVITY_AS_REAL * motion.usual[bodies] * span[:, None])
     shares = _mean_shares(apart, real)
-    counted = [
+    observed_bodies = [
         not motion.observed or body_name(motion.model, int(body)) in motion.observed
         for body in bodies
     ]
-    return shares[:, counted].max(axis=1, initial=0).tolist()
+    return shares[:, observed_bodies].max(axis=1, initial=0).tolist()
 
 
 def _mean_shares(apart: Floats, real: Floats) -> Floats:
@@ -103,6 +103,6 @@ def _finest_run(motion: Motion, model: mujoco.MjModel, settings: Settings, fines
     step = model.opt.timestep * finest
     steps = min(motion.steps, max(1, round(settings.window / step)))
     fine = replay(refine_motion(motion, model, finest), steps * step, settings.workers)
-    kept = fine.velocity_states[:, ::finest]
-    kept = np.concatenate([kept, kept[:, -1:]], axis=1)
-    return Run(steps, fine.begins // finest, fine.starts, kept, fine.valid, ())
+    states = fine.velocity_states[:, ::finest]
+    states = np.concatenate([states, states[:, -1:]], axis=1)
+    return Run(steps, fine.begins // finest, fine.starts, states, fine.valid, ())

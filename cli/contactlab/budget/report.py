@@ -17,14 +17,14 @@ from contactlab.store.table_layout import axis_cell
 
 
 def budget_report(
-    budget: ErrorBudget, verdict: Verdict, tried: Sequence[TriedFix] = ()
+    budget: ErrorBudget, verdict: Verdict, tried_fixes: Sequence[TriedFix] = ()
 ) -> BudgetReport:
     """Return the report of a budget, its verdict and the fixes that were tried."""
     return BudgetReport(
         tolerance=verdict.tolerance,
         verdict=verdict.word,
         reasons=verdict.reasons,
-        fixes=tuple(map(fix_report, tried)),
+        fixes=tuple(map(fix_report, tried_fixes)),
         phases=tuple(_build_phase(phase, verdict.tolerance) for phase in budget.phases),
     )
 
@@ -76,22 +76,22 @@ def _build_phase(phase: PhaseBudget, tolerance: float) -> BudgetPhase:
 
 
 def _build_row(phase: PhaseBudget, reading: Reading) -> BudgetRow:
-    known = reading.exercised
+    is_exercised = reading.exercised
     seeds = (float(reading.seeds.min()), float(reading.seeds.max())) if reading.seeds.size else None
     return BudgetRow(
         name=reading.name,
         summary=reading.summary,
         kind=reading.kind,
-        exercised=known,
+        exercised=is_exercised,
         infinite=math.isinf(reading.error),
         error=reading.error,
         seeds=seeds if seeds and all(map(math.isfinite, seeds)) else None,
         median=reading.median,
         by_mass=phase.by_mass(reading),
-        body=phase.bodies[reading.body] if known else None,
+        body=phase.bodies[reading.body] if is_exercised else None,
         place=reading.place or None,
         speed=reading.speed,
-        seed=reading.seed if known else None,
+        seed=reading.seed if is_exercised else None,
         time=reading.time,
         time_ratio=reading.time_ratio,
     )

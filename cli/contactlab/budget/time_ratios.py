@@ -32,19 +32,19 @@ def measure_time_ratios(
         return {}
     valid = np.argwhere(run.valid[:, length - 1 :])
     stretches = _Stretches(motion, run, length * run.steps)
-    taken = valid[:1]
+    timed_places = valid[:1]
     # One place tells roughly how many are enough, and these tell it better.
     for _ in range(2):
-        own = stretches.ready(motion.model, 1, taken)
-        taken = _repeat_places(valid, own.seconds() / len(taken))
-    own = stretches.ready(motion.model, 1, taken)
+        own = stretches.ready(motion.model, 1, timed_places)
+        timed_places = _repeat_places(valid, own.seconds() / len(timed_places))
+    own = stretches.ready(motion.model, 1, timed_places)
     held_bytes = 1 << 27  # of models at a time
     most = max(1, held_bytes // motion.model.nbuffer)
     ratios = dict[str, TimeRatio]()
     for begin in range(0, len(changed), most):
         names = [*changed][begin : begin + most]
-        made = [changed[name] for name in names]
-        group = [stretches.ready(model(), rate, taken) for model, rate in made]
+        model_makers = [changed[name] for name in names]
+        group = [stretches.ready(model(), rate, timed_places) for model, rate in model_makers]
         timers = [each.seconds for each in (own, *group)]
         ratios |= zip(names, compare_times(timers), strict=True)
     return ratios
@@ -84,8 +84,8 @@ class _Stretches(NamedTuple):
         starts = self.run.starts[seeds, windows]
         spans = self.run.begins[windows][:, None] + np.arange(self.steps)
         rows = [self.motion.rows(seed, span) for seed, span in zip(seeds, spans, strict=True)]
-        given: dict[str, Any] = {}
+        input_options: dict[str, Any] = {}
         if rows[0] is not None:
             inputs = np.stack([row for row in rows if row is not None]).repeat(rate, axis=1)
-            given = {"control": inputs, "control_spec": self.motion.spec}
-        return _TimedBatch(start_rows(model, starts, 1), starts, self.steps * rate, given)
+            input_options = {"control": inputs, "control_spec": self.motion.spec}
+        return _TimedBatch(start_rows(model, starts, 1), starts, self.steps * rate, input_options)

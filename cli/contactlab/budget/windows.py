@@ -92,8 +92,8 @@ def _roll_out(
     batch: Batch, size: int, steps: int, inputs: Floats | None, spec: int
 ) -> tuple[Floats, np.ndarray]:
     """Return (n, steps, size) states after each step, and (n) whether a simulation failed."""
-    kept = np.full((len(batch.state), steps, size), np.nan)
-    return kept, _make_steps(batch, steps, inputs, spec, {KEPT: kept})
+    states = np.full((len(batch.state), steps, size), np.nan)
+    return states, _make_steps(batch, steps, inputs, spec, {KEPT: states})
 
 
 def _make_steps(
@@ -102,10 +102,12 @@ def _make_steps(
     """Make steps that record such parts of states, and return (n) whether a simulation failed."""
     add_simulated_steps(batch.model, len(batch.state) * steps)
     before = batch.warning[:, :, 1].copy()
-    given: dict[str, Any] = {} if inputs is None else {"control": inputs, "control_spec": spec}
+    input_options: dict[str, Any] = (
+        {} if inputs is None else {"control": inputs, "control_spec": spec}
+    )
     failed = np.zeros(len(before), bool)
     try:
-        batch.rollout(steps, record=[*out], out=out, **given)
+        batch.rollout(steps, record=[*out], out=out, **input_options)
     except SimulationError:
         failed = np.array([bool(batch.error(row)) for row in range(len(failed))])
     return failed | (batch.warning[:, :, 1] != before).any(axis=1)
@@ -134,35 +136,39 @@ class Run:
     warnings: tuple[EngineWarning, ...]
 
 
-def replay(motion: Motion, window: float, workers: int, known: Floats | None = None) -> Run:
+def replay(motion: Motion, window: float, workers: int, known_states: Floats | None = None) -> Run:
     """Repeat a motion, bit for bit, and cut it into windows of about that length [s].
 
-    `known` (S, K + 1, nstate) are states of the first K steps, which are not made again: those of
-    mjSTATE_INTEGRATION before each of them, and after the last.
+    `known_states` (S, K + 1, nstate) are mjSTATE_INTEGRATION before each of the first K steps, and
+    after the last of them. Those steps are not repeated.
     """
     model, steps = without_sensors(motion.model), motion.steps
     length, begins = cut(motion, window)
     count = len(begins)
-    known = motion.starts[:, None] if known is None else known
-    done = known.shape[1] - 1
-    batch = start_rows(model, known[:, -1], workers)
+    known_states = motion.starts[:, None] if known_states is None else known_states
+    known_steps = known_states.shape[1] - 1
+    batch = start_rows(model, known_states[:, -1], workers)
     size = mujoco.mj_stateSize(model, KEPT)
-    kept = np.full((motion.seeds, steps + 2, size), np.nan)
-    kept[:, : done + 1] = parts(model, known)
+    states = np.full((motion.seeds, steps + 2, size), np.nan)
+    states[:, : known_steps + 1] = parts(model, known_states)
     starts = np.full((motion.seeds, count, motion.starts.shape[1]), np.nan)
-    starts[:, begins <= done] = known[:, begins[begins <= done]]
+    starts[:, begins <= known_steps] = known_states[:, begins[begins <= known_steps]]
     valid, failed = np.ones((motion.seeds, count), bool), np.zeros(motion.seeds, bool)
     warnings = list[EngineWarning]()
     for place, (begin, end) in enumerate(zip(begins, [*begins[1:], steps + 1], strict=True)):
-        if end <= done:
+        if end <= known_steps:
             continue
-        if begin > done:
+        if begin > known_steps:
             starts[:, place] = batch.state
-        first = max(begin, done)
+        first = max(begin, known_steps)
         span = np.arange(first, end)
-        held = [motion.rows(seed, span) for seed in range(motion.seeds)]
-        inputs = None if held[0] is None else np.stack([row for row in held if row is not None])
-        kept[:, first + 1 : end + 1], fails = _roll_out(
+        held_inputs = [motion.rows(seed, span) for seed in range(motion.seeds)]
+        inputs = (
+            None
+            if held_inputs[0] is None
+            else np.stack([row for row in held_inputs if row is not None])
+        )
+        states[:, first + 1 : end + 1], fails = _roll_out(
             batch, size, end - first, inputs, motion.spec
         )
         for seed in np.flatnonzero(fails & ~failed):
@@ -172,7 +178,7 @@ def replay(motion: Motion, window: float, workers: int, known: Floats | None = N
         failed |= fails
         # A window that the run began before the failure may end after it.
         valid[failed, np.searchsorted(begins, begin - length, side="right") :] = False
-    return Run(length, begins, starts, kept, valid, tuple(warnings))
+    return Run(length, begins, starts, states, valid, tuple(warnings))
 
 
 def cut(motion: Motion, window: float) -> tuple[int, NDArray[np.intp]]:
@@ -189,14 +195,14 @@ def parts(model: mujoco.MjModel, rows: Floats) -> Floats:
 
 def _find_places(model: mujoco.MjModel, spec: int = KEPT) -> list[slice]:
     """Return where the parts of a state lie that the bits of a spec name."""
-    found = list[slice]()
+    places = list[slice]()
     bit = 1
     while bit <= spec:
         if bit & spec:
             begin = mujoco.mj_stateSize(model, (bit - 1) & INTEGRATION)
-            found.append(slice(begin, begin + mujoco.mj_stateSize(model, bit)))
+            places.append(slice(begin, begin + mujoco.mj_stateSize(model, bit)))
         bit <<= 1
-    return found
+    return places
 
 
 def _write_rows(states: Floats, rows: Floats, places: Sequence[slice]) -> None:
@@ -211,12 +217,12 @@ def _write_rows(states: Floats, rows: Floats, places: Sequence[slice]) -> None:
 def _list_warnings(
     model: mujoco.MjModel, batch: Batch, seed: int, when: tuple[int, float]
 ) -> list[EngineWarning]:
-    found = [
+    warnings_ = [
         EngineWarning(kind, _name_subject(model, kind, int(place)), seed, *when)
         for kind, (place, count) in zip(_KINDS, batch.warning[seed], strict=True)
         if count
     ]
-    return found or [EngineWarning(batch.error(seed), "", seed, *when)]
+    return warnings_ or [EngineWarning(batch.error(seed), "", seed, *when)]
 
 
 _KINDS = [
@@ -288,23 +294,23 @@ class Windows:
         batch = start_rows(model, self.starts, self._workers)
         failed = np.zeros(len(self.starts), bool)
         if first:
-            held = self._hold_inputs(0, first, rate)
-            failed = _make_steps(batch, first * rate, held, self._spec, {})
+            held_inputs = self._hold_inputs(0, first, rate)
+            failed = _make_steps(batch, first * rate, held_inputs, self._spec, {})
         begin = parts(model, batch.state)
-        held = self._hold_inputs(first, self.steps + 1, rate)
+        held_inputs = self._hold_inputs(first, self.steps + 1, rate)
         steps = (self.steps + 1 - first) * rate
-        kept, fails = _roll_out(batch, begin.shape[1], steps, held, self._spec)
-        return np.concatenate([begin[:, None], kept], axis=1), failed | fails
+        states, fails = _roll_out(batch, begin.shape[1], steps, held_inputs, self._spec)
+        return np.concatenate([begin[:, None], states], axis=1), failed | fails
 
-    def states(self, kept: Floats) -> Floats:
+    def states(self, kept_parts: Floats) -> Floats:
         """Return (M, K, nstate) states of mjSTATE_INTEGRATION, from (M, K, kept) parts of them.
 
         The rest is as each window begins, but for inputs, which are those of its last step.
         """
-        states = self.starts[:, None].repeat(kept.shape[1], axis=1)
+        states = self.starts[:, None].repeat(kept_parts.shape[1], axis=1)
         if self._inputs is not None:
             _write_rows(states, self._inputs[:, self.steps - 1, None], self._given)
-        _write_rows(states, kept, self._places)
+        _write_rows(states, kept_parts, self._places)
         return states
 
     def _hold_inputs(self, first: int, last: int, rate: int) -> Floats | None:
@@ -341,7 +347,7 @@ class Observer:
         self._roots, self._radius = model.body_rootid[bodies], gyration(model)[bodies]
         self._batch = start_rows(idle, np.tile(start, (_CHUNK, 1)), workers)
 
-    def __call__(self, kept: Floats) -> tuple[Floats, Floats]:
+    def __call__(self, states: Floats) -> tuple[Floats, Floats]:
         """Look at states (..., kept).
 
         Returns:
@@ -349,24 +355,28 @@ class Observer:
             the world's frame.
             (..., 2) potential and kinetic energy [J].
         """
-        rows = kept.reshape(-1, kept.shape[-1])
+        rows = states.reshape(-1, states.shape[-1])
         velocities, energies = np.empty((len(rows), len(self._bodies), 6)), np.empty((len(rows), 2))
         for begin in range(0, len(rows), _CHUNK):
             some = slice(begin, begin + _CHUNK)
             self._observe_states(rows[some], velocities[some], energies[some])
-        return velocities.reshape(*kept.shape[:-1], -1, 6), energies.reshape(*kept.shape[:-1], 2)
+        return velocities.reshape(*states.shape[:-1], -1, 6), energies.reshape(
+            *states.shape[:-1], 2
+        )
 
     def _observe_states(self, rows: Floats, velocities: Floats, energies: Floats) -> None:
         count = len(rows)
         _write_rows(self._batch.state[:count], rows, self._places)
         self._batch.bind("time")[:] = 0
-        seen = self._batch.rollout(1, record=list(_OBSERVED), ids=list(range(count)))
-        twist = seen["cvel"][:, 0, self._bodies]
-        arm = seen["xipos"][:, 0, self._bodies] - seen["subtree_com"][:, 0, self._roots]
+        sensor_rows = self._batch.rollout(1, record=list(_OBSERVED), ids=list(range(count)))
+        twist = sensor_rows["cvel"][:, 0, self._bodies]
+        arm = (
+            sensor_rows["xipos"][:, 0, self._bodies] - sensor_rows["subtree_com"][:, 0, self._roots]
+        )
         spin = twist[..., :3]
         velocities[..., :3] = twist[..., 3:] + np.cross(spin, arm)
         velocities[..., 3:] = spin * self._radius[:, None]
-        energies[:] = seen["energy"][:, 0]
+        energies[:] = sensor_rows["energy"][:, 0]
 
 
 def gyration(model: mujoco.MjModel) -> Floats:
@@ -399,7 +409,9 @@ def usual_changes(motions: Sequence[Motion]) -> Floats:
 def changes_of(runs: Sequence[Run], observer: Observer) -> Floats:
     """Return (B,) by how much velocities change in a step [m/s], on the mean, until all end."""
     whole = [
-        kept[np.isfinite(kept).all(axis=1)] for run in runs for kept in run.velocity_states[:, :-1]
+        states[np.isfinite(states).all(axis=1)]
+        for run in runs
+        for states in run.velocity_states[:, :-1]
     ]
-    lengths = [paths(observer(kept)[0][None])[0] for kept in whole]
-    return np.sum(lengths, axis=0) / max(1, sum(len(kept) - 1 for kept in whole))
+    lengths = [paths(observer(states)[0][None])[0] for states in whole]
+    return np.sum(lengths, axis=0) / max(1, sum(len(states) - 1 for states in whole))

@@ -45,11 +45,11 @@ CODES: Mapping[Group, str] = {
 }
 """Exit codes of the commands of a group, except those with codes of their own."""
 
-Given = Mapping[str, Any]
+Arguments = Mapping[str, Any]
 """The parameters of a call by name, with the defaults of those that are left out."""
 Keeps = Literal["finished runs", "finished parts", "nothing"]
 """The results that an interrupted command keeps for its next call."""
-Show = Callable[[Any, Given], None]
+Show = Callable[[Any, Arguments], None]
 """Prints the result of a command."""
 
 _Parameters = ParamSpec("_Parameters")
@@ -85,9 +85,9 @@ def flag(help: str) -> Option:  # noqa: A002 - as typer calls it
     return Option(None, help, kind=bool)
 
 
-def _problem_of(result: object, given: Given) -> ContactlabError | None:
+def _problem_of(result: object, arguments: Arguments) -> ContactlabError | None:
     """Return the error of a report with a problem; other results have none."""
-    del given
+    del arguments
     problem = getattr(result, "problem", "")
     return ExpectationError(problem) if problem else None
 
@@ -105,13 +105,13 @@ class Command:
     # there is no such option.
     formats: Mapping[str, Show] = field(default_factory=dict[str, Show])
     # Returns the error that the command line ends with, once a result is printed.
-    failure: Callable[[Any, Given], ContactlabError | None] = _problem_of
+    failure: Callable[[Any, Arguments], ContactlabError | None] = _problem_of
     # Results that stay after Ctrl-C; None for a command that ends at once.
-    keeps: "Keeps | Callable[[Given], Keeps] | None" = None
+    keeps: "Keeps | Callable[[Arguments], Keeps] | None" = None
 
-    def describe_interruption(self, given: Given) -> str:
+    def describe_interruption(self, arguments: Arguments) -> str:
         """Return one line: the results that stay after Ctrl-C, and the next step."""
-        keeps = self.keeps(given) if callable(self.keeps) else self.keeps
+        keeps = self.keeps(arguments) if callable(self.keeps) else self.keeps
         if keeps == "nothing":
             return "interrupted; nothing is kept: run the same command again to start over"
         return f"interrupted; {keeps} are kept: run the same command again to resume"
@@ -130,8 +130,8 @@ def command(
     examples: Sequence[str] = (),
     codes: str | None = None,
     formats: Mapping[str, Show] | None = None,
-    failure: Callable[[Any, Given], ContactlabError | None] = _problem_of,
-    keeps: Keeps | Callable[[Given], Keeps] | None = None,
+    failure: Callable[[Any, Arguments], ContactlabError | None] = _problem_of,
+    keeps: Keeps | Callable[[Arguments], Keeps] | None = None,
 ) -> Callable[[Callable[_Parameters, _Result]], Callable[_Parameters, _Result]]:
     """Declare a function as a command of the command line, by its own name unless another is given.
 
@@ -153,8 +153,8 @@ def command(
         PluginError.unless_known(group, CODES, f"{words}: no group '{group}' of commands")
 
         @wraps(function)
-        def call(*args: _Parameters.args, **given: _Parameters.kwargs) -> _Result:
-            own: dict[str, Any] = dict(given)
+        def call(*args: _Parameters.args, **keywords: _Parameters.kwargs) -> _Result:
+            own: dict[str, Any] = dict(keywords)
             with progress(own.pop("progress", None)):
                 return function(*args, **own)  # pyright: ignore[reportCallIssue]
 
@@ -180,7 +180,7 @@ def _spelled_out(own: inspect.Signature) -> inspect.Signature:
 
     Those that may be repeated are () by default, others None.
     """
-    *named, keywords = own.parameters.values()
+    *parameters, keywords = own.parameters.values()
     (shape,) = get_args(keywords.annotation)
     spelled = list[inspect.Parameter]()
     for name, annotation in get_type_hints(shape, include_extras=True).items():
@@ -191,7 +191,7 @@ def _spelled_out(own: inspect.Signature) -> inspect.Signature:
                 name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation
             )
         )
-    return own.replace(parameters=[*named, *spelled])
+    return own.replace(parameters=[*parameters, *spelled])
 
 
 def is_declared(function: object) -> bool:

@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
-from contactlab.command_line.declaration import Given, Show
+from contactlab.command_line.declaration import Arguments, Show
 from contactlab.command_line.surroundings import surroundings
 from contactlab.command_line.terminal import echo, echo_commands, stdout
 from contactlab.errors import ContactlabError, OutputError
@@ -22,7 +22,7 @@ _FORMATS: Mapping[str, ReportFormat] = {
     ".xml": "junit",
     ".sarif": "sarif",
 }
-ReportOf = Callable[[Any, Given], "Report"]
+ReportOf = Callable[[Any, Arguments], "Report"]
 """Returns the report of a command, from its result and its parameters."""
 
 
@@ -34,14 +34,18 @@ class Concluded(Protocol):
 
 
 def policy_of(
-    policy: str | Path | None, given: Mapping[str, str | None] | None = None
+    policy: str | Path | None, overrides: Mapping[str, str | None] | None = None
 ) -> "ComparePolicy":
     """Return the policy of a file, or the default one, changed by options."""
     from contactlab.plan.sweep_file import read_yaml_as
     from contactlab.schema.comparison import ComparePolicy
 
-    read = ComparePolicy(version=1) if policy is None else read_yaml_as(Path(policy), ComparePolicy)
-    return read.model_copy(update={name: value for name, value in (given or {}).items() if value})
+    policy_of_file = (
+        ComparePolicy(version=1) if policy is None else read_yaml_as(Path(policy), ComparePolicy)
+    )
+    return policy_of_file.model_copy(
+        update={name: value for name, value in (overrides or {}).items() if value}
+    )
 
 
 def files_to_write(files: Sequence[str | Path]) -> list[tuple[Path, ReportFormat]]:
@@ -57,32 +61,34 @@ def publish(report: "ComparisonReport", targets: Sequence[tuple[Path, ReportForm
     from contactlab.store.atomic_files import atomic_write, write_error
     from contactlab.writers import WRITERS
 
-    written = compared(report, {})
+    published = compared(report, {})
     try:
         for path, form in targets:
             path.parent.mkdir(parents=True, exist_ok=True)
             with atomic_write(path) as temporary:
-                temporary.write_text(WRITERS[form](written), encoding="utf-8")
+                temporary.write_text(WRITERS[form](published), encoding="utf-8")
     except OSError as error:
         raise write_error(Path(error.filename), error) from error
     surroundings().announce(
-        lambda: WRITERS["markdown"](written), lambda: WRITERS["github"](written)
+        lambda: WRITERS["markdown"](published), lambda: WRITERS["github"](published)
     )
 
 
-def compared(report: "ComparisonReport", given: Given) -> "Report":
+def compared(report: "ComparisonReport", arguments: Arguments) -> "Report":
     """Return the report of a comparison."""
     from contactlab.comparison.report import report_of
 
-    del given
+    del arguments
     return report_of(report)
 
 
-def print_report(form: ReportFormat, report_of: ReportOf, result: object, given: Given) -> None:
+def print_report(
+    form: ReportFormat, report_of: ReportOf, result: object, arguments: Arguments
+) -> None:
     """Print a report; its text is as wide as the terminal."""
     from contactlab.writers import WRITERS, as_text
 
-    report = report_of(result, given)
+    report = report_of(result, arguments)
     text = as_text(report, stdout().width) if form == "text" else WRITERS[form](report)
     show = echo_commands if form == "github" else echo
     show(text.removesuffix("\n"))
@@ -94,9 +100,9 @@ def printed(report_of: ReportOf, *forms: ReportFormat) -> dict[str, Show]:
     return {form: partial(print_report, form, report_of) for form in chosen}
 
 
-def failure(report: Concluded, given: Given) -> ContactlabError | None:
+def failure(report: Concluded, arguments: Arguments) -> ContactlabError | None:
     """Return the error if a gate of the report fails or cannot be judged."""
     from contactlab.judge.conclusion import error_of
 
-    del given
+    del arguments
     return error_of(report.exit_code, report.headline)

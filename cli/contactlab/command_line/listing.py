@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from contactlab.command_line.declaration import Given, Show
+from contactlab.command_line.declaration import Arguments, Show
 from contactlab.command_line.terminal import print_csv, print_json, print_table
 
 
@@ -46,18 +46,18 @@ def _html_row(tag: str, cells: Sequence[object]) -> str:
     return f"<tr>{''.join(f'<{tag}>{escape(str(cell))}</{tag}>' for cell in cells)}</tr>"
 
 
-def _print_text(listing: Listing, given: Given) -> None:
-    del given
+def _print_text(listing: Listing, arguments: Arguments) -> None:
+    del arguments
     print_table(listing.header, listing.rows)
 
 
-def _print_json(listing: Listing, given: Given) -> None:
-    del given
+def _print_json(listing: Listing, arguments: Arguments) -> None:
+    del arguments
     print_json(list(listing))
 
 
-def _print_csv(listing: Listing, given: Given) -> None:
-    del given
+def _print_csv(listing: Listing, arguments: Arguments) -> None:
+    del arguments
     print_csv(listing.header, listing.rows)
 
 

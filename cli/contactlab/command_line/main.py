@@ -71,25 +71,29 @@ class _Grouped(TyperGroup):
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - of Click's
         """Write a section for each group, and one for commands of other packages."""
         del ctx
-        listed: dict[str, list[tuple[str, str]]] = {title: [] for title in TITLES.values()}
+        rows_by_title: dict[str, list[tuple[str, str]]] = {title: [] for title in TITLES.values()}
         summary_width = 66  # columns that a line of 80 leaves for the summary of a command
-        for name, found in self.commands.items():
+        for name, group_command in self.commands.items():
             title = TITLES[commands_of(name)[0].group] if name in command_modules() else _OF_OTHERS
-            listed.setdefault(title, []).append((name, found.get_short_help_str(summary_width)))
-        for title, rows in listed.items():
+            rows_by_title.setdefault(title, []).append(
+                (name, group_command.get_short_help_str(summary_width))
+            )
+        for title, rows in rows_by_title.items():
             if rows:
                 with formatter.section(title):
                     formatter.write_dl(rows)
 
 
-def _add_command(app: typer.Typer, name: str, found: Sequence[Command], *, in_list: bool) -> None:
+def _add_command(
+    app: typer.Typer, name: str, commands: Sequence[Command], *, in_list: bool
+) -> None:
     """Add a command, or a group of commands that share their first word."""
-    if [command.name for command in found] == [name]:
-        app.command(name, epilog=found[0].end_of_help)(typed(found[0], in_list=in_list))
+    if [command.name for command in commands] == [name]:
+        app.command(name, epilog=commands[0].end_of_help)(typed(commands[0], in_list=in_list))
         return
-    doc = inspect.getdoc(inspect.getmodule(found[0].function)) or ""
+    doc = inspect.getdoc(inspect.getmodule(commands[0].function)) or ""
     group = typer.Typer(help=doc.partition("\n")[0], no_args_is_help=True)
-    for command in found:
+    for command in commands:
         inner = command.name.removeprefix(name).strip()
         if inner:
             group.command(inner, epilog=command.end_of_help)(typed(command, in_list=in_list))
@@ -100,8 +104,8 @@ def _add_command(app: typer.Typer, name: str, found: Sequence[Command], *, in_li
     app.add_typer(group, name=name)
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
+def _print_version(is_wanted: bool) -> None:
+    if is_wanted:
         from importlib.metadata import version
 
         echo(f"contactlab {version('contactlab')}")
@@ -135,8 +139,8 @@ def _run_words(words: Sequence[str]) -> int:
     try:
         code = app(words, prog_name="contactlab", standalone_mode=False)
     except typer.TyperException as error:
-        if (said := error.format_message()).startswith("Usage:"):  # no words: its whole help
-            say(said)
+        if (message := error.format_message()).startswith("Usage:"):  # no words: its whole help
+            say(message)
             return CommandLineError.exit_code
         raise misunderstood(error, words) from error
     return code if isinstance(code, int) else 0

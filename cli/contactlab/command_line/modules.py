@@ -12,5 +12,5 @@ def command_modules() -> tuple[str, ...]:
 def commands_of(name: str) -> list[Command]:
     """Return the commands that a module declares, in its order."""
     module = own_parts("command module")[name].load()
-    found = map(declared, filter(is_declared, vars(module).values()))
-    return [command for command in found if command.function.__module__ == module.__name__]
+    commands = map(declared, filter(is_declared, vars(module).values()))
+    return [command for command in commands if command.function.__module__ == module.__name__]

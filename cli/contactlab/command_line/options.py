@@ -212,19 +212,21 @@ def beside(store: "Address", ending: str) -> Path:
     """Return the path next to a store, its name with an ending; in this folder for a bucket."""
     if not isinstance(store, Path):
         return Path(f"{store.name}{ending}")
-    named = store if store.name else store.resolve()
-    return named.with_name(f"{named.name}{ending}")
+    target = store if store.name else store.resolve()
+    return target.with_name(f"{target.name}{ending}")
 
 
 def assigned(settings: Settings) -> list[str]:
     """Return settings in the form of the command line: `NAME=VALUE,VALUE`."""
     if not isinstance(settings, Mapping):
         return list(settings)
-    listed = {
+    values_by_name = {
         name: value if isinstance(value, list | tuple) else [value]
         for name, value in settings.items()
     }
-    return [f"{name}={','.join(map(json.dumps, values))}" for name, values in listed.items()]
+    return [
+        f"{name}={','.join(map(json.dumps, values))}" for name, values in values_by_name.items()
+    ]
 
 
 def load_plugins(files: Sequence[str | Path]) -> "Sequence[Plugin]":
@@ -304,15 +306,15 @@ def read_reductions(
     """
     from contactlab.modifications.catalogue import list_reductions
 
-    known = {one.name: one for one in list_reductions() if not one.is_exact}
-    taken = [name for name in known if not allowed or name in allowed]
-    found: dict[ReductionName, float | None] = {}
+    inexact = {one.name: one for one in list_reductions() if not one.is_exact}
+    names = [name for name in inexact if not allowed or name in allowed]
+    lengths: dict[ReductionName, float | None] = {}
     for word in words:
         name, equals, length = word.partition("=")
-        SweepFileError.unless_known(name, taken, f"--apply: no '{name}'")
-        reduction = known[name]
+        SweepFileError.unless_known(name, names, f"--apply: no '{name}'")
+        reduction = inexact[name]
         if equals and reduction.distance is None:
             raise SweepFileError(f"--apply {word}: {name} has no length; write --apply {name}")
-        given = read_length(length, f"--apply {name}, length", "5cm or 0.05") if equals else None
-        found[reduction.name] = reduction.distance if given is None else given
-    return found
+        length_m = read_length(length, f"--apply {name}, length", "5cm or 0.05") if equals else None
+        lengths[reduction.name] = reduction.distance if length_m is None else length_m
+    return lengths

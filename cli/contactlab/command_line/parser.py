@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 
 import typer
 
-from contactlab.command_line.declaration import Argument, Command, Given, Option, Parameter
+from contactlab.command_line.declaration import Argument, Command, Arguments, Option, Parameter
 from contactlab.command_line.surroundings import within
 from contactlab.command_line.terminal import Terminal, notice, say
 from contactlab.errors import CommandLineError, StoppedError, suggestion
@@ -39,7 +39,7 @@ def typed(
         parameters += map(_typed_parameter, own)
     if not in_list and len(command.formats) > 1:
         formats = tuple(command.formats)
-        read = typer.Option(
+        form_option = typer.Option(
             formats[0],
             "--format",
             help="How results are printed.",
@@ -47,7 +47,7 @@ def typed(
             metavar="|".join(formats),
         )
         kind = inspect.Parameter.KEYWORD_ONLY
-        parameters.append(inspect.Parameter(_FORMAT, kind, default=read, annotation=str))
+        parameters.append(inspect.Parameter(_FORMAT, kind, default=form_option, annotation=str))
 
     def run(**values: Any) -> None:  # noqa: ANN401 - of all types
         context = values.pop(_CONTEXT, None)
@@ -61,19 +61,19 @@ def typed(
     return run
 
 
-def call(command: Command, values: Given) -> None:
+def call(command: Command, values: Arguments) -> None:
     """Call a command with the values that typer read, print its result, and raise its failure."""
     if command.group != "extend":
         notice.show()
     chosen = values.get(_FORMAT) if len(command.formats) > 1 else next(iter(command.formats), None)
     own = inspect.signature(command.function)
-    given = {name: values[name] for name in own.parameters if _is_given(values[name])}
-    bound = own.bind_partial(**given)
+    arguments = {name: values[name] for name in own.parameters if _is_given(values[name])}
+    bound = own.bind_partial(**arguments)
     bound.apply_defaults()
     notice.interruption = command.describe_interruption(bound.arguments) if command.keeps else ""
     try:
         with within(Terminal()):
-            result = command.function(**given)
+            result = command.function(**arguments)
             if chosen is not None:
                 command.formats[chosen](result, bound.arguments)
     except (KeyboardInterrupt, StoppedError) as error:
@@ -100,18 +100,18 @@ def _typed_parameter(own: inspect.Parameter) -> inspect.Parameter:
             default = own.default
         name = _spell_option(own.name)
         name += f"/--no-{name[2:]}" if own.default is True else ""
-        read = typer.Option(default, *filter(None, (described.short, name)), **rules)
+        typer_parameter = typer.Option(default, *filter(None, (described.short, name)), **rules)
     else:
-        read = typer.Argument(default, **rules)
-    return inspect.Parameter(own.name, own.KEYWORD_ONLY, default=read, annotation=kind)
+        typer_parameter = typer.Argument(default, **rules)
+    return inspect.Parameter(own.name, own.KEYWORD_ONLY, default=typer_parameter, annotation=kind)
 
 
 def described_type(own: inspect.Parameter) -> tuple[Any, Parameter]:
     """Return the type that the command line reads for a parameter, and its description."""
     if get_origin(own.annotation) is not Annotated:
         raise TypeError(f"{own}: annotate the parameter with an Option or an Argument")
-    kind, *found = get_args(own.annotation)
-    described = next(entry for entry in found if isinstance(entry, Argument | Option))
+    kind, *metadata = get_args(own.annotation)
+    described = next(entry for entry in metadata if isinstance(entry, Argument | Option))
     kind = kind if described.kind is None else described.kind
     return kind if own.default is not None or described.kind is None else kind | None, described
 
@@ -127,8 +127,11 @@ def _reading_options(kind: Any, name: str, described: Parameter) -> dict[str, An
         metavar = described.metavar or "|".join(words)
         return {"parser": _word_of(_spell_option(name), words), "metavar": metavar}
     if kinds in ([int], [float]):
-        read = _number_of(_spell_option(name), described.least, whole=kinds == [int])
-        return {"parser": read, "metavar": described.metavar or ("N" if kinds == [int] else "X")}
+        read_number = _number_of(_spell_option(name), described.least, whole=kinds == [int])
+        return {
+            "parser": read_number,
+            "metavar": described.metavar or ("N" if kinds == [int] else "X"),
+        }
     return {}
 
 
@@ -143,8 +146,8 @@ def _word_of(name: str, words: Sequence[str]) -> Callable[[str], str]:
 
 
 def _number_of(name: str, least: float | None, *, whole: bool) -> Callable[[Any], float]:
-    wanted = "a whole number" if whole else "a number"
-    wanted += "" if least is None else f" of at least {least:g}"
+    expected = "a whole number" if whole else "a number"
+    expected += "" if least is None else f" of at least {least:g}"
 
     def read(text: Any) -> float:  # noqa: ANN401 - a default is a number already
         try:
@@ -152,7 +155,7 @@ def _number_of(name: str, least: float | None, *, whole: bool) -> Callable[[Any]
         except ValueError:
             value = math.nan
         if not math.isfinite(value) or value < (-math.inf if least is None else least):
-            raise CommandLineError(f"{name} {text}: write {wanted}")
+            raise CommandLineError(f"{name} {text}: write {expected}")
         return value
 
     return read
@@ -172,29 +175,29 @@ def _day_of(name: str, formats: Sequence[str]) -> Callable[[Any], datetime]:
 
 def misunderstood(error: typer.TyperException, words: Sequence[str]) -> CommandLineError:
     """Return the error of a command line: the wrong word, and what to write instead."""
-    said = error.format_message()
+    message = error.format_message()
     path = getattr(getattr(error, "ctx", None), "command_path", None)
     path = path or " ".join(["contactlab", *words[:1]])
-    command, shown = f"`{path}`", f"see `{path} --help`"
-    if known := getattr(error, "option_name", None):
+    command, help_text = f"`{path}`", f"see `{path} --help`"
+    if option_name := getattr(error, "option_name", None):
         near = [*(getattr(error, "possibilities", None) or ())]
-        if valued := _WITHOUT_VALUE.search(said):
-            return CommandLineError(f"{valued[1]} needs a value; {shown}")
-        hint = suggestion(known, near, alike=0.75) or shown
-        return CommandLineError(f"{command} has no option '{known}'; {hint}")
+        if valued := _WITHOUT_VALUE.search(message):
+            return CommandLineError(f"{valued[1]} needs a value; {help_text}")
+        hint = suggestion(option_name, near, alike=0.75) or help_text
+        return CommandLineError(f"{command} has no option '{option_name}'; {hint}")
     parameter = getattr(error, "param", None)
-    if parameter and said.startswith("Missing"):
+    if parameter and message.startswith("Missing"):
         name = (parameter.metavar or parameter.name).upper().replace("_", "-")
-        wanted = name if parameter.param_type_name == "argument" else parameter.opts[-1]
+        parameter_text = name if parameter.param_type_name == "argument" else parameter.opts[-1]
         about = f": {parameter.help.rstrip('.')}" if parameter.help else ""
-        return CommandLineError(f"{command} needs {wanted}{about}; {shown}")
-    if extra := _EXTRA.search(said):
-        return CommandLineError(f"{command} takes no further '{extra[1]}'; {shown}")
-    if unknown := _NO_COMMAND.search(said):
+        return CommandLineError(f"{command} needs {parameter_text}{about}; {help_text}")
+    if extra := _EXTRA.search(message):
+        return CommandLineError(f"{command} takes no further '{extra[1]}'; {help_text}")
+    if unknown := _NO_COMMAND.search(message):
         inner = sorted(getattr(getattr(error, "cmd", None), "commands", ()))
         hint = suggestion(unknown[1], inner) or f"write one of {', '.join(inner)}"
         return CommandLineError(f"{command} has no command '{unknown[1]}'; {hint}")
-    return CommandLineError(f"{said[:1].lower()}{said[1:].rstrip('.')}; {shown}")
+    return CommandLineError(f"{message[:1].lower()}{message[1:].rstrip('.')}; {help_text}")
 
 
 def _spell_option(name: str) -> str:

@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
-from contactlab.command_line.declaration import Given, Show
+from contactlab.command_line.declaration import Arguments, Show
 from contactlab.command_line.terminal import echo, print_document, print_report_json
 from contactlab.rendering.document import Document
 from contactlab.rendering.markdown import render_markdown
@@ -19,15 +19,15 @@ class Described(Protocol):
         ...
 
 
-FolderOf = Callable[[Given], Path]
+FolderOf = Callable[[Arguments], Path]
 """Returns the folder of a command's results, from its parameters."""
 
 
 def print_text(folder: FolderOf | None = None, **options: object) -> Show:
     """Return a printer of text as wide as the terminal."""
 
-    def show(result: Described, given: Given) -> None:
-        print_document(result.describe(**_place_folder(folder, given), **options))
+    def show(result: Described, arguments: Arguments) -> None:
+        print_document(result.describe(**_place_folder(folder, arguments), **options))
 
     return show
 
@@ -35,9 +35,9 @@ def print_text(folder: FolderOf | None = None, **options: object) -> Show:
 def print_markdown(folder: FolderOf | None = None, name: str = "", **options: object) -> Show:
     """Return a printer of Markdown; `name` is a field of the report, which the document names."""
 
-    def show(result: Described, given: Given) -> None:
-        named = {name: str(getattr(result, name))} if name else {}
-        document = result.describe(**_place_folder(folder, given), **named, **options)
+    def show(result: Described, arguments: Arguments) -> None:
+        name_option = {name: str(getattr(result, name))} if name else {}
+        document = result.describe(**_place_folder(folder, arguments), **name_option, **options)
         echo(render_markdown(document))
 
     return show
@@ -60,12 +60,12 @@ def formats_by_type(formats: Mapping[str, Mapping[str, Show]]) -> Mapping[str, S
             another one is printed as text in those that it lacks.
     """
 
-    def print_result(form: str, result: object, given: Given) -> None:
+    def print_result(form: str, result: object, arguments: Arguments) -> None:
         own = formats[type(result).__name__]
-        own.get(form, own["text"])(result, given)
+        own.get(form, own["text"])(result, arguments)
 
     return {form: partial(print_result, form) for form in next(iter(formats.values()))}
 
 
-def _place_folder(folder: FolderOf | None, given: Given) -> Mapping[str, Path]:
-    return {"folder": folder(given)} if folder else {}
+def _place_folder(folder: FolderOf | None, arguments: Arguments) -> Mapping[str, Path]:
+    return {"folder": folder(arguments)} if folder else {}

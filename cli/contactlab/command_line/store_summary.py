@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from contactlab.command_line.declaration import Given
+from contactlab.command_line.declaration import Arguments
 from contactlab.command_line.terminal import print_csv, print_document, print_json
 from contactlab.errors import ContactlabError, ExpectationError, RunFailedError
 from contactlab.printable import shell_word
@@ -12,9 +12,9 @@ if TYPE_CHECKING:
     from contactlab.writers import Report
 
 
-def summary_json(store: "Store", given: Given) -> None:
+def summary_json(store: "Store", arguments: Arguments) -> None:
     """Print the manifest of a store."""
-    del given
+    del arguments
     manifest = store.manifest.model_dump(mode="json", exclude={"sweep"})
     print_json({"store": str(store.address), **manifest})
 
@@ -33,28 +33,30 @@ def unexpected(store: "Store") -> ContactlabError | None:
     return ExpectationError(failed[MEANS].message) if MEANS in failed else None
 
 
-def summary_csv(store: "Store", given: Given) -> None:
+def summary_csv(store: "Store", arguments: Arguments) -> None:
     """Print the runs of a store: its columns of numbers and labels that have a value in any run."""
-    del given
+    del arguments
     columns = store.columns
     names = ["run_id", *columns.axis_names, "seed", "label", "label_reason", "expectation_met"]
     others = [name for name in columns.schema.names if columns.is_number(name)]
-    shown = [name for name in dict.fromkeys((*names, *others)) if columns.has_value(name).any()]
-    values = columns.to_pydict(shown)
+    column_names = [
+        name for name in dict.fromkeys((*names, *others)) if columns.has_value(name).any()
+    ]
+    values = columns.to_pydict(column_names)
     print_csv([*values], zip(*values.values(), strict=True))
 
 
-def summary_text(store: "Store", given: Given) -> None:
+def summary_text(store: "Store", arguments: Arguments) -> None:
     """Print the result of a store: sentences, and the table of the axes that matter most."""
-    del given
+    del arguments
     from contactlab.reporting.store_document import describe_store
 
     print_document(describe_store(store))
 
 
-def expectations(store: "Store", given: Given) -> "Report":
+def expectations(store: "Store", arguments: Arguments) -> "Report":
     """Return the report of the expectations of a sweep."""
-    del given
+    del arguments
     from contactlab.judge.conclusion import exit_code
     from contactlab.judge.expectations import expectation_findings
     from contactlab.reporting.finding import write_headline

@@ -56,18 +56,18 @@ class Surroundings:
 
     def watching(self) -> AbstractContextManager[Watch]:
         """Follow runs."""
-        done = total = 0
+        done_count = total = 0
 
         def begin(runs: int, stored: int) -> None:
-            nonlocal done, total
-            done, total = stored, runs
+            nonlocal done_count, total
+            done_count, total = stored, runs
             advance(())
 
         def advance(finished: "Sequence[Finished]") -> None:
-            nonlocal done
-            done += len(finished)
+            nonlocal done_count
+            done_count += len(finished)
             if self._progress is not None:
-                self._progress(done, total)
+                self._progress(done_count, total)
 
         self._counts_runs = True
         return nullcontext(Watch(begin, advance))

@@ -156,9 +156,9 @@ def _plain_cell(text: str) -> str:
     return in_one_line(f"'{text}" if text.startswith(("=", "@", "+", "\t", "\r")) else text)
 
 
-def print_report_json(report: "BaseModel", given: object) -> None:
+def print_report_json(report: "BaseModel", arguments: object) -> None:
     """Print a report in the form of its schema; options do not change it."""
-    del given
+    del arguments
     echo(report.model_dump_json(indent=2))
 
 
@@ -211,19 +211,19 @@ class ProgressDisplay:
         self._printed = time.monotonic()
         self._show_count(0, 0)
 
-    def _show_count(self, total: int, done: int) -> None:
-        self._total, self._done, self._stored = total, done, done
+    def _show_count(self, total: int, done_count: int) -> None:
+        self._total, self._done, self._stored = total, done_count, done_count
         self._labels: Counter[str] = Counter()
         self._began = self._first = time.monotonic()
         # From the end of the first runs: the start of workers does not count.
         self._recent: deque[tuple[float, int]] = deque()
 
-    def begin(self, total: int, done: int) -> None:
-        """Start to count `total` runs; `done` of them are finished already."""
-        self._show_count(total, done)
+    def begin(self, total: int, done_count: int) -> None:
+        """Start to count `total` runs, `done_count` of them finished."""
+        self._show_count(total, done_count)
         self._printed = self._began
-        if done:
-            self._console.print(Text(f"{done:,} of {total:,} runs are stored already"))
+        if done_count:
+            self._console.print(Text(f"{done_count:,} of {total:,} runs are stored already"))
 
     def advance(self, finished: "Sequence[Finished]") -> None:
         """Count runs that just finished."""
@@ -248,14 +248,14 @@ class ProgressDisplay:
             return notice.line()
         if not self._total:
             return Text("compiling models, starting workers", "dim")
-        filled, left = _BAR * self._done // self._total, self.seconds_left()
+        filled, seconds_left = _BAR * self._done // self._total, self.seconds_left()
         line = Text(no_wrap=True, overflow="ellipsis")
         line.append("█" * filled, "green").append("░" * (_BAR - filled), "dim")
         line.append(f" {self._done:,} of {self._total:,}")
-        if left is not None:
+        if seconds_left is not None:
             rate = self._runs_per_second()
-            shown = f"{rate:,.0f}" if rate >= 10 else f"{rate:.2g}"
-            line.append(f"  {shown}/s  {_format_time(left)} left")
+            rate_text = f"{rate:,.0f}" if rate >= 10 else f"{rate:.2g}"
+            line.append(f"  {rate_text}/s  {_format_time(seconds_left)} left")
         most_labels = 6
         # Drawn by a thread of its own: a copy, since a new label may come meanwhile.
         for label, count in Counter(dict(self._labels)).most_common(most_labels):

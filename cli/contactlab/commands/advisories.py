@@ -72,8 +72,8 @@ def check(
     from contactlab.studies.lock.versions import list_supported_releases
 
     chosen = read_advisories(map(Path, files)) if files else list_advisories()
-    named = mujoco.split(",") if isinstance(mujoco, str) else mujoco
-    return check_advisories(chosen, named or list_supported_releases(), say)
+    chosen_releases = mujoco.split(",") if isinstance(mujoco, str) else mujoco
+    return check_advisories(chosen, chosen_releases or list_supported_releases(), say)
 
 
 @command(
@@ -122,8 +122,8 @@ def find(
     pair = 2
     if len(releases) != pair:
         raise SweepFileError("--mujoco: name two releases, such as 3.13.0,4.0.0")
-    wanted = [*map(str, models)] or [SCENES, GENERATED]
+    sources = [*map(str, models)] or [SCENES, GENERATED]
     folder = opt.study_folder("advisories", "-".join(releases), output)
-    request = FindRequest(wanted, (releases[0], releases[1]), max_time)
+    request = FindRequest(sources, (releases[0], releases[1]), max_time)
     with study_session(folder, 0) as session:
         return find_differences(request, session)

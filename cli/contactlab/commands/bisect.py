@@ -68,16 +68,16 @@ def bisect(
 
     if "::" not in source:
         find_sweep(source)  # before a release is set up
-    listed = find_releases(
+    all_releases = find_releases(
         good, bad, versions.split(",") if isinstance(versions, str) else versions
     )
     is_test = "::" in source
     name = source.rpartition("::")[2] if is_test else Path(source).stem
     place = Path("results", "bisect", name) if output is None else Path(output)
-    given = tuple(sweep_words(opt.assigned(set), workers, allow_code=allow_code))
+    sweep_options = tuple(sweep_words(opt.assigned(set), workers, allow_code=allow_code))
     subject = bisection.SweepOutcomes(
         place,
-        cache(partial(run_sweep, source, given=given, notify=say)),
+        cache(partial(run_sweep, source, given=sweep_options, notify=say)),
         policy_of(policy),
         question,
     )
@@ -92,9 +92,11 @@ def bisect(
                 f"{source}: results are the same in {good} and {bad}, so there is no change to "
                 f"find; see {place}"
             )
-        found = bisection.find_change(listed, lambda version: passes(version) != passes(good), say)
+        change = bisection.find_change(
+            all_releases, lambda version: passes(version) != passes(good), say
+        )
     else:
         subject.begin(good, bad)
-        found = bisection.find_change(listed, subject.differs, say)
-    comparison = None if is_test else subject.report_change(found)
-    return Bisection(**dict(found), comparison=comparison, folder=place)
+        change = bisection.find_change(all_releases, subject.differs, say)
+    comparison = None if is_test else subject.report_change(change)
+    return Bisection(**dict(change), comparison=comparison, folder=place)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, Given, Option, command, flag
+from contactlab.command_line.declaration import Argument, Arguments, Option, command, flag
 from contactlab.command_line.judgements import (
     compared,
     failure,
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 
 
 def _find_failure(
-    result: "ComparisonReport | WrittenBaseline", given: Given
+    result: "ComparisonReport | WrittenBaseline", arguments: Arguments
 ) -> ContactlabError | None:
     from contactlab.schema.store_reports import WrittenBaseline
 
-    return None if isinstance(result, WrittenBaseline) else failure(result, given)
+    return None if isinstance(result, WrittenBaseline) else failure(result, arguments)
 
 
 @command(
@@ -112,20 +112,20 @@ def compare(
         folder, source = opt.address_of(baseline), opt.address_of(candidate)
         if not isinstance(folder, Path):
             raise OutputError(f"{baseline}: --update writes a folder; name one")
-        written = write_baseline(source, folder, baseline_digest)
+        new_baseline = write_baseline(source, folder, baseline_digest)
         return WrittenBaseline(
             store=str(source),
             baseline=str(folder),
-            runs=written.manifest.runs,
+            runs=new_baseline.manifest.runs,
             bytes=sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()),
-            digest=written.digest,
+            digest=new_baseline.digest,
         )
     from contactlab.comparison.compare_stores import compare as compare_stores
     from contactlab.comparison.compare_stores import unreadable_report
     from contactlab.judge.waivers import add_waivers, waivers_for
 
     targets = files_to_write(output)
-    given = {"match": match, "baseline_digest": baseline_digest}
+    overrides = {"match": match, "baseline_digest": baseline_digest}
     timers = _read_timers(remeasure, baseline_python, candidate_python)
     stores = opt.address_of(baseline), opt.address_of(candidate)
     arm = None if control is None else opt.address_of(control)
@@ -133,16 +133,16 @@ def compare(
     if waive is not None:
         if policy is None:
             raise PolicyError("--waive adds to a policy file; name it with --policy FILE")
-        before = run(policy_of(policy if Path(policy).exists() else None, given))
+        before = run(policy_of(policy if Path(policy).exists() else None, overrides))
         day = until.date() if isinstance(until, datetime) else until
         add_waivers(Path(policy), waivers_for(before.findings, waive, reason, day))
-    rules = policy_of(policy, given)
+    rules = policy_of(policy, overrides)
     try:
         report = run(rules)
     except StoreError as error:
         publish(unreadable_report(error, rules), targets)
         raise
-    if any(found.what == "scene_hash" for found in report.differences):
+    if any(difference.what == "scene_hash" for difference in report.differences):
         from contactlab.comparison.report import explain_no_effect
         from contactlab.store.finished_store import Store
         from contactlab.studies.diff.compare_models import summarize_changes

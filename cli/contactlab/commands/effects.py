@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, Unpack
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, Given, Option, command
+from contactlab.command_line.declaration import Argument, Arguments, Option, command
 from contactlab.command_line.quantities import read_seconds
 from contactlab.command_line.report_formats import report_formats
 from contactlab.command_line.surroundings import say
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 _MAX_TIME = "2min"
 
 
-def _choose_folder(given: Given) -> Path:
-    return opt.study_folder("effects", given["source"], given["output"])
+def _choose_folder(arguments: Arguments) -> Path:
+    return opt.study_folder("effects", arguments["source"], arguments["output"])
 
 
 @command(
@@ -83,7 +83,7 @@ def effects(
 
     opt.load_plugins(plugin)
     opt.check_figure(figure)
-    asked = opt.task_of(**task)
+    task_options = opt.task_of(**task)
     folder = opt.study_folder("effects", source, output)
     if write is not None and Path(write).exists():
         raise OutputError(f"{write} exists; choose another file with --write")
@@ -94,7 +94,7 @@ def effects(
     request = EffectsRequest(
         source=str(source),
         assign=opt.assigned(set),
-        task=asked,
+        task=task_options,
         max_time=read_seconds(max_time),
         keep=(keep,) if isinstance(keep, str) else tuple(keep),
         far_distance=reductions.get("far-pairs"),

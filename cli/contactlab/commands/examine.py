@@ -7,7 +7,7 @@ from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Annotated, Any, Unpack
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, Given, Option, command, flag
+from contactlab.command_line.declaration import Argument, Arguments, Option, command, flag
 from contactlab.command_line.judgements import printed
 from contactlab.command_line.quantities import read_seconds
 from contactlab.command_line.report_formats import print_markdown, print_text, report_formats
@@ -26,24 +26,24 @@ _PAGE, _REPORT, _LIVE = "page.html", "examination.json", ".live.html"
 _FILES = {".html", ".htm", ".json"}
 
 
-def _list_findings(report: "Examination | Examinations", given: Given) -> "Report":
+def _list_findings(report: "Examination | Examinations", arguments: Arguments) -> "Report":
     from contactlab.reporting.examination_document import (
         findings_of_examination,
         findings_of_examinations,
     )
     from contactlab.schema.examination import Examination
 
-    del given
+    del arguments
     if isinstance(report, Examination):
         return findings_of_examination(report)
     return findings_of_examinations(report)
 
 
 def _find_failure(
-    report: "Examination | Examinations", given: Given
+    report: "Examination | Examinations", arguments: Arguments
 ) -> "OutputError | ExpectationError | None":
     # Return the error of a requested fix that was not written, or otherwise of the verdict.
-    del given
+    del arguments
     if reason := getattr(report, "not_written", ""):
         return OutputError(reason)
     return ExpectationError(report.problem) if report.problem else None
@@ -82,7 +82,7 @@ def _examine_model(
         find_build()
     parts = request.parts + page + live
     with (
-        _open_folder(request, None if file else target, kept=file is None) as folder,
+        _open_folder(request, None if file else target, is_kept=file is None) as folder,
         step_names(parts) as begin,
     ):
         if file is not None:
@@ -110,12 +110,14 @@ def _examine_model(
 
 
 @contextmanager
-def _open_folder(request: "ExamineRequest", folder: Path | None, *, kept: bool) -> Generator[Path]:
+def _open_folder(
+    request: "ExamineRequest", folder: Path | None, *, is_kept: bool
+) -> Generator[Path]:
     from contactlab import resources
     from contactlab.studies.examine.examination import RESULTS
     from contactlab.tasks.session import free_folder
 
-    if not kept:
+    if not is_kept:
         with temporary_folder() as name:
             yield Path(name)
     elif folder is not None:
@@ -123,8 +125,8 @@ def _open_folder(request: "ExamineRequest", folder: Path | None, *, kept: bool) 
     else:
         variant = [*request.assign, *request.task.variant]
         parent = resources.RESULTS / RESULTS
-        with free_folder(parent, RESULTS, request.model, variant) as found:
-            yield found
+        with free_folder(parent, RESULTS, request.model, variant) as new_folder:
+            yield new_folder
 
 
 def _check_model_file(model: Path, sections: Sequence[str]) -> None:
@@ -277,15 +279,15 @@ def examine(
     from contactlab.tasks.session import model_name
 
     opt.load_plugins(plugin)
-    named = [str(each) for each in ([models] if isinstance(models, str | Path) else models)]
+    model_names = [str(each) for each in ([models] if isinstance(models, str | Path) else models)]
     sections = sections_of(section or (("checks",) if check else ()))
     target = None if output is None else opt.folder_of(output)
-    if len(named) > 1:
+    if len(model_names) > 1:
         if write is not None or live:
             raise SweepFileError("--write, --apply and --live need one model; name it alone")
         if target is not None and target.suffix in _FILES:
             raise OutputError(f"{target}: several models have a folder each; name a folder")
-        for model in named:
+        for model in model_names:
             find_scene(model)
     if write is not None:
         _check_model_file(Path(write), section)
@@ -296,7 +298,7 @@ def examine(
 
         waivers = read_yaml_as(Path(waivers), Waivers).waive
     request = ExamineRequest(
-        model=named[0],
+        model=model_names[0],
         assign=opt.assigned(set),
         task=opt.task_of(**task),
         sections=sections,
@@ -310,12 +312,12 @@ def examine(
     reports = [
         _examine_model(
             replace(request, model=model),
-            target if target is None or len(named) == 1 else target / model_name(model),
+            target if target is None or len(model_names) == 1 else target / model_name(model),
             workers,
             allow_code=allow_code,
             page=page,
             live=live,
         )
-        for model in named
+        for model in model_names
     ]
     return reports[0] if len(reports) == 1 else Examinations(examinations=tuple(reports))

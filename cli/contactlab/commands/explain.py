@@ -42,4 +42,4 @@ def explain(
                 f"{name}: explain defines words; the contacts of a model are a section: "
                 "contactlab examine MODEL --section contacts"
             )
-    return Explanation(meanings=tuple(found for name in names for found in define_word(name)))
+    return Explanation(meanings=tuple(meaning for name in names for meaning in define_word(name)))

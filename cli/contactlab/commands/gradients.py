@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, Given, Option, command
+from contactlab.command_line.declaration import Argument, Arguments, Option, command
 from contactlab.command_line.report_formats import report_formats
 from contactlab.command_line.surroundings import say, study_session
 
@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from contactlab.schema.gradients import GradientsReport
 
 
-def _find_folder(given: Given) -> Path:
-    return opt.study_folder("gradients", given["source"], given["output"])
+def _find_folder(arguments: Arguments) -> Path:
+    return opt.study_folder("gradients", arguments["source"], arguments["output"])
 
 
 @command(

@@ -76,11 +76,11 @@ def grip(
     from contactlab.studies.grip.gripping import GripRequest
     from contactlab.studies.verification.verified_grip import judge_verified_grip
 
-    shown = None
+    write_film = None
     if film is not None:
         from contactlab.studies.grip.grip_film import film_writer
 
-        shown = film_writer(Path(film))
+        write_film = film_writer(Path(film))
     if output is not None:
         # Check that the file can be written before seconds of measuring.
         with write_errors(Path(output)), TemporaryFile(dir=Path(output).parent):
@@ -95,7 +95,7 @@ def grip(
         tolerance=read_speed(tolerance),
         fixes=fixes,
         notify=say,
-        film=shown,
+        film=write_film,
     )
     report = judge_verified_grip(request)
     if film is not None:

@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from contactlab.command_line.declaration import Argument, Given, command
+from contactlab.command_line.declaration import Argument, Arguments, command
 from contactlab.command_line.judgements import print_report
 from contactlab.command_line.report_formats import report_formats
 from contactlab.command_line.surroundings import say
@@ -16,16 +16,16 @@ if TYPE_CHECKING:
     from contactlab.writers import Report
 
 
-def _find_failure(report: "LintReport", given: Given) -> ContactlabError | None:
+def _find_failure(report: "LintReport", arguments: Arguments) -> ContactlabError | None:
     # The findings and their number are printed already.
-    del given
+    del arguments
     return None if report.passed else ExpectationError("")
 
 
-def _list_findings(report: "LintReport", given: Given) -> "Report":
+def _list_findings(report: "LintReport", arguments: Arguments) -> "Report":
     from contactlab.studies.lint.linting import findings_of_lint
 
-    del given
+    del arguments
     return findings_of_lint(report)
 
 

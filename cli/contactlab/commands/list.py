@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, Given, Option, command
+from contactlab.command_line.declaration import Argument, Arguments, Option, command
 from contactlab.command_line.listing import LISTED, Listing
 from contactlab.command_line.report_formats import formats_by_type
 from contactlab.command_line.surroundings import say
@@ -56,8 +56,13 @@ def sweep_row(path: Path) -> tuple[str, str, int, str]:
     from contactlab.plan.sweep_file import read_sweep
     from contactlab.run.sweep_request import SceneLoader
 
-    read = read_sweep(path, SceneLoader(path.parent).vocabulary)
-    return path.stem, read.sweep.scene, read.plan.count, read.sweep.description or ""
+    sweep_file = read_sweep(path, SceneLoader(path.parent).vocabulary)
+    return (
+        path.stem,
+        sweep_file.sweep.scene,
+        sweep_file.plan.count,
+        sweep_file.sweep.description or "",
+    )
 
 
 def _list_metrics() -> Listing:
@@ -115,21 +120,21 @@ def _list_schemas(name: str | None, folder: str | Path | None) -> Listing | dict
             place.mkdir(parents=True, exist_ok=True)
             for file, text in texts.items():
                 (place / file).write_text(text, encoding="utf-8")
-    read = {file.removesuffix(suffix): json.loads(text) for file, text in texts.items()}
+    schemas = {file.removesuffix(suffix): json.loads(text) for file, text in texts.items()}
     if name is None:
         rows = [
             (each, one.get("title", ""), one.get("description", "").partition("\n\n")[0])
-            for each, one in read.items()
+            for each, one in schemas.items()
         ]
         return Listing(("schema", "title", "description"), rows)
     name = name.removesuffix(suffix)
-    there = f"; there are {', '.join(read)}"
-    SweepFileError.unless_known(name, read, f"no schema '{name}'", there)
-    return read[name]
+    there = f"; there are {', '.join(schemas)}"
+    SweepFileError.unless_known(name, schemas, f"no schema '{name}'", there)
+    return schemas[name]
 
 
-def _print_schema(schema: dict[str, Any], given: Given) -> None:
-    del given
+def _print_schema(schema: dict[str, Any], arguments: Arguments) -> None:
+    del arguments
     echo(json.dumps(schema, indent=2))
 
 
@@ -203,8 +208,9 @@ def list(
             ],
         )
     if what not in _KINDS:
-        known = (*_KINDS, _SCHEMAS, _OF_SCENE)
+        list_names = (*_KINDS, _SCHEMAS, _OF_SCENE)
         raise SweepFileError(
-            f"there is no list '{what}'{did_you_mean(what, known)}; there are {', '.join(known)}"
+            f"there is no list '{what}'{did_you_mean(what, list_names)}; there are "
+            f"{', '.join(list_names)}"
         )
     return _KINDS[what][1]()

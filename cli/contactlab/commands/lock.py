@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, Given, Option, command, flag
+from contactlab.command_line.declaration import Argument, Arguments, Option, command, flag
 from contactlab.command_line.judgements import (
     compared,
     failure,
@@ -24,10 +24,12 @@ if TYPE_CHECKING:
     from contactlab.schema.store_reports import WrittenLock
 
 
-def _find_failure(result: "WrittenLock | ComparisonReport", given: Given) -> ContactlabError | None:
+def _find_failure(
+    result: "WrittenLock | ComparisonReport", arguments: Arguments
+) -> ContactlabError | None:
     from contactlab.schema.store_reports import WrittenLock
 
-    return None if isinstance(result, WrittenLock) else failure(result, given)
+    return None if isinstance(result, WrittenLock) else failure(result, arguments)
 
 
 @command(
@@ -83,24 +85,27 @@ def lock(
     if output and not check:
         raise OutputError("-o writes the report of --check; name the lock itself by --file")
     rules, targets = policy_of(policy), files_to_write(output)
-    given, store = sweep_words(opt.assigned(set), workers, allow_code=allow_code), Path(source)
+    sweep_options, store = (
+        sweep_words(opt.assigned(set), workers, allow_code=allow_code),
+        Path(source),
+    )
     path = Path(file) if file else store.with_name(f"{store.stem}.lock.yaml")
-    known = read_lock(path) if check else None
+    stored_lock = read_lock(path) if check else None
     if not (store / "manifest.json").is_file():
         find_sweep(str(source))
         store = Path("results", "lock", store.stem)
-        run_sweep(str(source), store, mujoco, [*given, "--fresh"], say)
-    elif given or mujoco:
+        run_sweep(str(source), store, mujoco, [*sweep_options, "--fresh"], say)
+    elif sweep_options or mujoco:
         raise SweepFileError(f"{source} is a store; --set, --workers and --mujoco are for sweeps")
     opened = Store.open(store)
-    if known is None:
-        made = lock_of(opened, gated_metrics(opened, rules), chaotic=chaotic)
-        write_lock(path, made, str(source))
+    if stored_lock is None:
+        new_lock = lock_of(opened, gated_metrics(opened, rules), chaotic=chaotic)
+        write_lock(path, new_lock, str(source))
         options = [f"--file {shell_word(path)}"] if file else []
         options += ["--allow-code"] if allow_code else []
         check_it = " ".join([f"contactlab lock {shell_word(source)} --check", *options])
         return WrittenLock(file=path, store=store, runs=opened.manifest.runs, check=check_it)
-    report = judge_lock(known, str(path), opened, rules)
+    report = judge_lock(stored_lock, str(path), opened, rules)
     publish(report, targets)
     return report
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, Given, Option, command, flag
+from contactlab.command_line.declaration import Argument, Arguments, Option, command, flag
 from contactlab.command_line.judgements import failure, policy_of, printed
 from contactlab.command_line.report_formats import formats_by_type, report_formats
 from contactlab.command_line.surroundings import say, study_session, surroundings
@@ -28,23 +28,23 @@ if TYPE_CHECKING:
     from contactlab.writers import Report
 
 
-def _report_of(report: "ParityReport", given: Given) -> "Report":
+def _report_of(report: "ParityReport", arguments: Arguments) -> "Report":
     from contactlab.studies.parity.report_sections import report_of
 
-    del given
+    del arguments
     return report_of(report)
 
 
 def _find_failure(
-    result: "ParityReport | WrittenBundle | EnginePanel | str", given: Given
+    result: "ParityReport | WrittenBundle | EnginePanel | str", arguments: Arguments
 ) -> ContactlabError | None:
     from contactlab.studies.parity.parity_report import ParityReport
 
-    return failure(result, given) if isinstance(result, ParityReport) else None
+    return failure(result, arguments) if isinstance(result, ParityReport) else None
 
 
-def _print_installed(version: str, given: Given) -> None:
-    echo(f"{given['install']} {version}")
+def _print_installed(version: str, arguments: Arguments) -> None:
+    echo(f"{arguments['install']} {version}")
 
 
 def _panel_folder(output: str | Path | None) -> Path:
@@ -139,16 +139,18 @@ def parity(
     from contactlab.studies.parity.sweep_parity import ParityRequest
 
     opt.load_plugins(plugin)
-    named = [str(each) for each in ([sources] if isinstance(sources, str | Path) else sources)]
+    source_names = [
+        str(each) for each in ([sources] if isinstance(sources, str | Path) else sources)
+    ]
     if install is not None:
         return _install_engine(install)
     if closed_forms:
-        return _compare_engines(named, (against or "").split(","), figure, output)
+        return _compare_engines(source_names, (against or "").split(","), figure, output)
     if figure is not None:
         raise SweepFileError("--figure draws the comparison of --closed-forms; add it")
-    source = named[0] if named else None
-    asked = [each for each in (against, bundle, from_) if each]
-    if len(asked) != 1 or bool(source) == bool(from_) or len(named) > 1:
+    source = source_names[0] if source_names else None
+    actions = [each for each in (against, bundle, from_) if each]
+    if len(actions) != 1 or bool(source) == bool(from_) or len(source_names) > 1:
         raise SweepFileError(
             "give SWEEP with --against ENGINE or with --bundle FOLDER, or --from FOLDER alone"
         )
@@ -159,11 +161,13 @@ def parity(
         from contactlab.studies.parity.bundle import Bundle
         from contactlab.studies.parity.bundled_engine import BundledEngine
 
-        written = Bundle.read(Path(from_))
-        judged = BundledEngine(Path(from_), written)
+        read_bundle = Bundle.read(Path(from_))
+        bundled_engine = BundledEngine(Path(from_), read_bundle)
         rules = policy_of(policy)
         return _compare_runs(
-            ParityRequest(written.panel(Path(from_)), judged, judged.device, (), rules)
+            ParityRequest(
+                read_bundle.panel(Path(from_)), bundled_engine, bundled_engine.device, (), rules
+            )
         )
     engine, changed = _open_engine(str(against), device), tuple(opt.assigned(with_))
     panel = _make_panel(str(source), engine.name, overrides, changed, drive)
@@ -211,12 +215,12 @@ def _compare_runs(request: "ParityRequest") -> "ParityReport":
 
     with surroundings().watching() as watch:
 
-        def done(compared: "RunParity") -> None:
+        def advance_watch(compared: "RunParity") -> None:
             watch.advance([Finished(b"", compared.verdict, compared.verdict, None)])
             if watch.stop is not None and watch.stop.is_set:
                 raise StoppedError("stopped")
 
-        return compare_runs(request, watch.begin, done)
+        return compare_runs(request, watch.begin, advance_watch)
 
 
 def _make_panel(
@@ -237,10 +241,10 @@ def _write_bundle(
     from contactlab.studies.parity.bundle import ENGINE, write_bundle
 
     panel = _make_panel(name, ENGINE, overrides, (), drive)
-    made = write_bundle(panel, overrides, drive, folder)
-    for why in dict.fromkeys(made.refused.values()):
-        say(f"{plural(list(made.refused.values()).count(why), 'run')} refused: {why}")
-    return WrittenBundle(folder=folder, runs=len(made.runs), refused=dict(made.refused))
+    new_bundle = write_bundle(panel, overrides, drive, folder)
+    for why in dict.fromkeys(new_bundle.refused.values()):
+        say(f"{plural(list(new_bundle.refused.values()).count(why), 'run')} refused: {why}")
+    return WrittenBundle(folder=folder, runs=len(new_bundle.runs), refused=dict(new_bundle.refused))
 
 
 def _open_engine(name: str, device: str) -> "SimulationEngine":

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, Given, Option, command
+from contactlab.command_line.declaration import Argument, Arguments, Option, command
 from contactlab.command_line.report_formats import formats_by_type, report_formats
 from contactlab.command_line.surroundings import say
 from contactlab.command_line.terminal import echo
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from contactlab.store.finished_store import Store
 
 
-def _print_path(result: Any, given: Given) -> None:  # noqa: ANN401 - a path, or None
-    del given
+def _print_path(result: Any, arguments: Arguments) -> None:  # noqa: ANN401 - a path, or None
+    del arguments
     if result is not None:
         echo(result)
 
@@ -84,11 +84,11 @@ def render(
     from contactlab.plugins import extensions
     from contactlab.store.finished_store import Store
 
-    found, target = extensions("viewer"), None if output is None else Path(output)
+    viewers, target = extensions("viewer"), None if output is None else Path(output)
     suffix = target.suffix.lower().removeprefix(".") if target else ""
-    if suffix and suffix not in found.keys() - {"window"}:
-        known = ", ".join(f".{name}" for name in found if name != "window")
-        raise OutputError(f"cannot write {target}: end its name in {known}")
+    if suffix and suffix not in viewers.keys() - {"window"}:
+        endings = ", ".join(f".{name}" for name in viewers if name != "window")
+        raise OutputError(f"cannot write {target}: end its name in {endings}")
     opened = Store.open(opt.address_of(store))
     if target is not None and not suffix:
         return _write_messages(opened, run, target)
@@ -98,9 +98,9 @@ def render(
         from contactlab.run.stored_runs import prepare_replay
 
         start = prepare_replay(opened, run)
-        found["window"].load()(start.prepared.model, start.runs.starts)
+        viewers["window"].load()(start.prepared.model, start.runs.starts)
         return None
-    write = found[suffix].load()
+    write = viewers[suffix].load()
     if isinstance(size, str):
         wide, cross, high = size.partition("x")
         if not (cross and wide.isdecimal() and high.isdecimal()):

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Given, Option, command, flag
+from contactlab.command_line.declaration import Arguments, Option, command, flag
 from contactlab.command_line.listing import Listing
 from contactlab.command_line.surroundings import rerun_with_mujoco, say
 from contactlab.command_line.terminal import echo, print_table
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from contactlab.store.store_files import Address
 
 
-def _print_paths(result: Path | list[Path] | Listing, given: Given) -> None:
-    del given
+def _print_paths(result: Path | list[Path] | Listing, arguments: Arguments) -> None:
+    del arguments
     if isinstance(result, Listing):
         print_table(result.header, result.rows)
         return
@@ -131,7 +131,11 @@ def report(
         return _write_figures(opened, Path(figures), list(formats), criteria, width)
     if live:
         others = {"figures": figures, "baseline": baseline, "parity": parity, "metric": metric}
-        if unread := [name for name, given in {**others, "tolerance": tolerance}.items() if given]:
+        if unread := [
+            name
+            for name, option_value in {**others, "tolerance": tolerance}.items()
+            if option_value
+        ]:
             raise OutputError(f"--{unread[0]} does not go with --live; leave it out")
         page = opt.beside(address, ".live.html") if output is None else Path(output)
         rerun_with_mujoco(mujoco, None)
@@ -139,15 +143,17 @@ def report(
 
         _check_name(page)
         return _print_notes(page, write_live_page(opened, page, run))
-    if unread := [name for name, given in {"run": run, "mujoco": mujoco}.items() if given]:
+    if unread := [
+        name for name, option_value in {"run": run, "mujoco": mujoco}.items() if option_value
+    ]:
         raise OutputError(f"--{unread[0]} needs --live")
     against = None if baseline is None else Store.open(opt.address_of(baseline))
-    shown = None if parity is None else Path(parity)
+    parity_path = None if parity is None else Path(parity)
     if not str(traces).isdecimal() and traces not in {"all", "none"}:
         raise OutputError(f"--traces {traces}: write a number of runs, all or none")
     most = {"all": opened.columns.runs, "none": 0}.get(str(traces))
     count = int(traces) if most is None else most
-    request = PageRequest(criteria, count, int(max_mb * 1e6), against, shown)
+    request = PageRequest(criteria, count, int(max_mb * 1e6), against, parity_path)
     page = opt.beside(address, ".html") if output is None else Path(output)
     _check_name(page)
     return _print_notes(page, write_page(opened, page, request))
@@ -177,7 +183,7 @@ def _write_figures(
         from contactlab.page.paper_figures import figure_list
 
         return Listing(("figure", "contents"), figure_list(read_report_data(store, criteria)))
-    written, missing = write_figures(store, folder, formats, criteria, width)
+    figure_paths, missing = write_figures(store, folder, formats, criteria, width)
     for name, why in missing.items():
         say(f"no figure '{name}': {why}")
-    return written
+    return figure_paths

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, Given, command
+from contactlab.command_line.declaration import Argument, Arguments, command
 from contactlab.command_line.report_formats import formats_by_type
 from contactlab.command_line.store_summary import (
     summary_csv,
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from contactlab.store.finished_store import Store
 
 
-def _run_text(record: "EvidenceRecord", given: Given) -> None:
+def _run_text(record: "EvidenceRecord", arguments: Arguments) -> None:
     from contactlab.reporting.run_document import describe_run
     from contactlab.store.finished_store import Store
 
-    print_document(describe_run(Store.open(opt.address_of(given["store"])), record))
+    print_document(describe_run(Store.open(opt.address_of(arguments["store"])), record))
 
 
-def _run_csv(record: "EvidenceRecord", given: Given) -> None:
-    del given
+def _run_csv(record: "EvidenceRecord", arguments: Arguments) -> None:
+    del arguments
     rows = [(name, value, record.units.get(name)) for name, value in record.metrics.items()]
     print_csv(("metric", "value", "unit"), rows)
 

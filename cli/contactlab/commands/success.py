@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, Given, Option, command
+from contactlab.command_line.declaration import Argument, Arguments, Option, command
 from contactlab.command_line.judgements import printed
 from contactlab.command_line.quantities import read_share
 from contactlab.command_line.report_formats import report_formats
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from contactlab.writers import Report
 
 
-def _list_findings(report: "SuccessReport", given: Given) -> "Report":
+def _list_findings(report: "SuccessReport", arguments: Arguments) -> "Report":
     from contactlab.studies.success.success_findings import report_of
 
-    del given
+    del arguments
     return report_of(report)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, Given, Option, command, flag
+from contactlab.command_line.declaration import Argument, Arguments, Option, command, flag
 from contactlab.command_line.judgements import printed
 from contactlab.command_line.report_formats import formats_by_type, report_formats
 from contactlab.command_line.store_summary import (
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
     from contactlab.store.store_files import Address
 
 
-def _find_failure(result: "Store | SweepForecast", given: Given) -> ContactlabError | None:
+def _find_failure(result: "Store | SweepForecast", arguments: Arguments) -> ContactlabError | None:
     """Return the error of lost runs, or of runs that are not as the sweep expects."""
     from contactlab.store.finished_store import Store
 
-    del given
+    del arguments
     return unexpected(result) if isinstance(result, Store) else None
 
 
@@ -133,8 +133,8 @@ def sweep(
     rerun_with_mujoco(mujoco, None if output else target)
     # A finished store is unlikely to need workers. Their parent process loads during planning.
     runs_nothing = plan or (not fresh and Path(str(target), "manifest.json").exists())
-    wanted = 0 if runs_nothing or executor != "local" else workers
-    surroundings().fork_workers(wanted)
+    forked_workers = 0 if runs_nothing or executor != "local" else workers
+    surroundings().fork_workers(forked_workers)
     from contactlab.plan.grid import CONFIRM_ABOVE
     from contactlab.plan.overrides import Overrides
     from contactlab.run.forecast import check_units, forecast_sweep, question_units
@@ -245,7 +245,9 @@ def _open_cluster(
         return nullcontext()
     from contactlab.plugins import extensions
 
-    found = extensions("executor")
-    if name not in found:
-        raise SweepFileError(f"no executor '{name}'; installed are {', '.join(['local', *found])}")
-    return found[name].load()(address, workers)
+    executors = extensions("executor")
+    if name not in executors:
+        raise SweepFileError(
+            f"no executor '{name}'; installed are {', '.join(['local', *executors])}"
+        )
+    return executors[name].load()(address, workers)

@@ -62,13 +62,13 @@ def tradeoff(
     from contactlab.store.finished_store import Store
 
     opt.load_plugins(plugin)
-    asked = opt.task_of(**task)
+    task_options = opt.task_of(**task)
     if is_menagerie(str(source)) or Path(str(source)).suffix in MODEL_SUFFIXES:
         raise SweepFileError(
             f"{source} is a model, not a sweep or a store. Write contactlab tune "
             f"{shell_word(str(source))}"
         )
-    criteria = Criteria(metric, asked.limits)
+    criteria = Criteria(metric, task_options.limits)
     sweep_file, folder = (None if path is None else Path(path) for path in (write, model))
     _check_outputs(figure, sweep_file, folder)
     name = str(opt.address_of(source))
@@ -77,10 +77,10 @@ def tradeoff(
     if (address := find_store(name, target)) is not None:
         opened = Store.open(address)
         exist = "exist already; write --tolerance METRIC=VALUE, such as slip=1mm"
-        opt.refuse_parts(asked, ["tolerance"], f"the runs of a store {exist}")
+        opt.refuse_parts(task_options, ["tolerance"], f"the runs of a store {exist}")
         parts = ["keyframe", "drive", "duration", "observe", "require", "seeds"]
         opt.refuse_parts(
-            asked, parts, f"the runs of {name} exist already; give their sweep instead"
+            task_options, parts, f"the runs of {name} exist already; give their sweep instead"
         )
         opt.mention_damage(opened)
     if opened is not None and model is None:
@@ -93,9 +93,11 @@ def tradeoff(
 
         rest = "; `contactlab list metrics` lists all"
         if metric is not None:
-            known = [*METRICS, *ERRORS]
-            SweepFileError.unless_known(metric, known, f"--metric {metric}: no such metric", rest)
-        request = TradeoffRequest(name, criteria, target, asked, folder)
+            metric_names = [*METRICS, *ERRORS]
+            SweepFileError.unless_known(
+                metric, metric_names, f"--metric {metric}: no such metric", rest
+            )
+        request = TradeoffRequest(name, criteria, target, task_options, folder)
         with study_session(RESULTS / "tradeoff", workers, allow_code=allow_code) as session:
             report = run(request, session)
     if figure is not None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, Unpack
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, Given, Option, command, flag
+from contactlab.command_line.declaration import Argument, Arguments, Option, command, flag
 from contactlab.command_line.quantities import read_error, read_seconds
 from contactlab.command_line.report_formats import print_text, report_formats
 from contactlab.command_line.surroundings import say
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
     from contactlab.schema.tune_report import TuneReport
 
 
-def _find_folder(given: Given) -> Path:
-    return opt.study_folder("tune", given["model"], given["output"])
+def _find_folder(arguments: Arguments) -> Path:
+    return opt.study_folder("tune", arguments["model"], arguments["output"])
 
 
-def _print_result(report: "TuneReport", given: Given) -> None:
+def _print_result(report: "TuneReport", arguments: Arguments) -> None:
     from contactlab.schema.tune_report import PATCH
 
-    patch = _find_folder(given) / PATCH
-    if not given["patch"]:
-        print_text(_find_folder)(report, given)
+    patch = _find_folder(arguments) / PATCH
+    if not arguments["patch"]:
+        print_text(_find_folder)(report, arguments)
     elif report.recommended and patch.is_file():
         echo_bytes(patch.read_bytes())
 
@@ -127,8 +127,8 @@ def tune(
 
     opt.check_figure(figure, ".html")
     session = Session(folder, worker_count(workers), notify=say, allow_code=allow_code)
-    known = None if pick is None else find_cached_report(request, session)
-    report = tune_model(request, session, time.process_time() - spent, known)
+    cached_report = None if pick is None else find_cached_report(request, session)
+    report = tune_model(request, session, time.process_time() - spent, cached_report)
     if figure is not None:
         _draw_front(report, Path(figure), dark=dark)
         say(f"drew {figure}")

@@ -4,7 +4,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, Annotated, Any
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, Given, Option, command
+from contactlab.command_line.declaration import Argument, Arguments, Option, command
 from contactlab.command_line.report_formats import formats_by_type, report_formats
 from contactlab.command_line.surroundings import say
 from contactlab.errors import CommandLineError, ContactlabError, ExpectationError, StoreError
@@ -14,10 +14,12 @@ if TYPE_CHECKING:
     from contactlab.schema.store_reports import RunReplay, StoreVerification
 
 
-def _find_failure(result: "StoreVerification | RunReplay", given: Given) -> ContactlabError | None:
+def _find_failure(
+    result: "StoreVerification | RunReplay", arguments: Arguments
+) -> ContactlabError | None:
     from contactlab.schema.store_reports import RunReplay
 
-    del given
+    del arguments
     if isinstance(result, RunReplay):
         if not result.equal:
             return ExpectationError("the trajectory differs from the stored one")
@@ -26,8 +28,8 @@ def _find_failure(result: "StoreVerification | RunReplay", given: Given) -> Cont
         )
     if result.sound:
         return None
-    found = len(result.problems)
-    count = "1 problem" if found == 1 else f"{found} problems"
+    problem_count = len(result.problems)
+    count = "1 problem" if problem_count == 1 else f"{problem_count} problems"
     return StoreError(f"{result.store} is not sound: {count}")
 
 
@@ -94,10 +96,12 @@ def verify(
         why_plan_unverifiable,
     )
 
-    left = unverifiable_parts(opened)
+    unverified = unverifiable_parts(opened)
     if chosen is not None:
-        seen = int(chosen.sum())
-        left.append(f"records and traces of {len(chosen) - seen:,} runs: {seen:,} were drawn")
+        drawn_count = int(chosen.sum())
+        unverified.append(
+            f"records and traces of {len(chosen) - drawn_count:,} runs: {drawn_count:,} were drawn"
+        )
     loaded = {each.sha256 for each in loaded_plugins()}
     if plugins := "; ".join(
         str(each) for each in opened.manifest.sweep.plugins if each.sha256 not in loaded
@@ -106,7 +110,7 @@ def verify(
             f"{address} was written with plug-ins that are not loaded: {plugins}; "
             "their values are shown as stored"
         )
-    left += filter(None, (why_ids_unverifiable(opened), why_plan_unverifiable(opened)))
+    unverified += filter(None, (why_ids_unverifiable(opened), why_plan_unverifiable(opened)))
     if not problems and why_ids_unverifiable(opened) is None:
         # A damaged store need not be run or compiled.
         problems = list(islice(recomputed_problems(opened, chosen), MOST_PROBLEMS))
@@ -114,13 +118,13 @@ def verify(
     if simulate and not problems:
         again = simulate_again(opened, simulate, allow_code=allow_code)
         problems += again.problems[:MOST_PROBLEMS]
-        left += uncompared_parts(opened)
+        unverified += uncompared_parts(opened)
     physics = "" if problems else opened.physics
     return StoreVerification(
         store=str(address),
         sound=not problems,
         problems=tuple(map(in_one_line, problems)),
-        unverified=tuple(left),
+        unverified=tuple(unverified),
         runs=opened.manifest.runs,
         simulated=again.simulated,
         simulation_asked=again.requested_runs,

@@ -29,8 +29,8 @@ settle()
 
 def find_engine(name: str) -> SimulationEngine:
     """Return the engine with this name. Raises an EngineError if there is none here."""
-    known = f"; there are {', '.join(ENGINES)}; if a plug-in adds it, load the plug-in"
-    EngineError.unless_known(name, ENGINES, f"no engine '{name}'", known)
+    hint = f"; there are {', '.join(ENGINES)}; if a plug-in adds it, load the plug-in"
+    EngineError.unless_known(name, ENGINES, f"no engine '{name}'", hint)
     return ENGINES[name]
 
 

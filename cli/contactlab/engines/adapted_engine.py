@@ -96,8 +96,8 @@ class AdaptedEngine(SimulationEngine):
         if not self._python_place.exists():
             return ""
         folders = [str(folder) for folder in self.environment.glob("lib/python*/site-packages")]
-        found = distributions(name=self._adapter.PACKAGE, path=folders) if folders else ()
-        return next((distribution.version for distribution in found), "")
+        packages = distributions(name=self._adapter.PACKAGE, path=folders) if folders else ()
+        return next((distribution.version for distribution in packages), "")
 
     @property
     def size(self) -> int:

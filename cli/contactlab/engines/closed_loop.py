@@ -174,15 +174,15 @@ class _Flight:
         self._name = getattr(runs.policy, "__name__", "policy")
         try:
             with limited_code():
-                made = runs.policy(copy.copy(runs.base.model))
+                policy = runs.policy(copy.copy(runs.base.model))
         except BaseException as error:
             raise self._policy_failure("", error) from error
-        if not callable(made):
+        if not callable(policy):
             raise _PolicyFailureError(
                 f"policy {self._name} cannot be called; give it a method "
                 "__call__(self, time, qpos, qvel, sensordata)"
             )
-        self._policy = made
+        self._policy = policy
 
     def fly_runs(self, watch: Watch, proceed: Proceed) -> list[_RunResult]:
         """Simulate all runs; return only the first if the sweep should stop meanwhile."""
@@ -213,10 +213,10 @@ class _Flight:
             # Runs step one by one to sample the time of each.
             one_by_one = begin in samples
             for runs in [[run] for run in self._active] if one_by_one else [self._active]:
-                taken = self._step_runs(runs, begin, end)
-                self._cpu_seconds += taken
+                cpu_seconds = self._step_runs(runs, begin, end)
+                self._cpu_seconds += cpu_seconds
                 if one_by_one:
-                    self._sampled[runs[0]].append(taken)
+                    self._sampled[runs[0]].append(cpu_seconds)
             warned = self._batch.warning[:, :, count_index]
             if warned[self._active].any() or any(self._errors):
                 self._end_runs(
@@ -273,17 +273,17 @@ class _Flight:
                 f"policy {self._name} returned {returned.dtype}; controls are real numbers"
             )
         # Adding 0 turns -0.0 into 0.0; no replay could distinguish them.
-        wanted = returned.astype(np.float64) + 0.0
-        if not np.isfinite(wanted).all():
+        requested = returned.astype(np.float64) + 0.0
+        if not np.isfinite(requested).all():
             # A run ends if the policy returned NaN or infinity for it.
             when = f"at {step * self._timestep:g} s"
-            for run in [run for run in self._active if not np.isfinite(wanted[run]).all()]:
-                actuator = int(np.flatnonzero(~np.isfinite(wanted[run]))[0])
+            for run in [run for run in self._active if not np.isfinite(requested[run]).all()]:
+                actuator = int(np.flatnonzero(~np.isfinite(requested[run]))[0])
                 name = self._models[run].actuator(actuator).name
-                value = f"{wanted[run, actuator]:g}"
+                value = f"{requested[run, actuator]:g}"
                 self._errors[run] = f"policy {self._name} returned {value} for {name} {when}"
                 self._end_runs([run], step)
-        return wanted
+        return requested
 
     def _observe_states(self, call: int, step: int) -> tuple[Floats, Floats, Floats, Floats]:
         """Return copies of (n,) times, (n, nq) and (n, nv) noisy states, and sensor data."""
@@ -297,15 +297,15 @@ class _Flight:
                 mujoco.mj_integratePos(self._models[run], qpos[run], offset, 1.0)
                 qvel[run] += speed
         if step or not self._sensors:
-            measured = self._arrays.sensors[:, step - 1, : self._sensors].copy()
+            sensor_values = self._arrays.sensors[:, step - 1, : self._sensors].copy()
         else:
-            measured = np.empty((len(self._models), self._sensors))
+            sensor_values = np.empty((len(self._models), self._sensors))
             for run, model in enumerate(self._models):
                 data = mujoco.MjData(model)
                 mujoco.mj_setState(model, data, self._batch.state[run], _INTEGRATION)
                 mujoco.mj_forward(model, data)
-                measured[run] = data.sensordata[: self._sensors]
-        return time, qpos, qvel, measured
+                sensor_values[run] = data.sensordata[: self._sensors]
+        return time, qpos, qvel, sensor_values
 
     def _step_runs(self, runs: list[int], begin: int, end: int) -> float:
         """Step runs, record them, and return the CPU time of the steps [s]."""
@@ -333,10 +333,10 @@ class _Flight:
         except SimulationError:
             for run in runs:
                 self._errors[run] = self._batch.error(run) or None
-        taken = thread_time() - start
+        cpu_seconds = thread_time() - start
         for name, array in self._out.items():
             array[rows, begin:end] = out[name]
-        return taken
+        return cpu_seconds
 
     def _end_runs(self, runs: Sequence[int], step: int) -> None:
         """End runs at the state before a step: they stopped or failed."""
@@ -371,20 +371,20 @@ def load_policy(located: LocatedDrive) -> PolicyClass:
     assert isinstance(located.drive, PolicyDrive)
     drive = located.drive
     if isinstance(drive, PdDrive):
-        found: PolicyClass = partial(PdController, kp=drive.kp, kd=drive.kd)
+        policy_class: PolicyClass = partial(PdController, kp=drive.kp, kd=drive.kd)
     else:
         located.check_unchanged()
         name = drive.policy.rpartition(":")[2]
-        found = cast("PolicyClass", load_code("policy", located.files[0], name))
+        policy_class = cast("PolicyClass", load_code("policy", located.files[0], name))
         with suppress(ValueError):  # some classes of C have no signature
             try:
-                signature(found).bind(None)
+                signature(policy_class).bind(None)
             except TypeError as error:
                 raise SceneError(
                     f"policy {located.files[0]}: {name} is made with the model: {error}; write "
                     "def __init__(self, model)"
                 ) from error
-    return send_targets(found) if drive.send else found
+    return send_targets(policy_class) if drive.send else policy_class
 
 
 def load_code(what: str, file: Path, name: str) -> Callable[..., object]:
@@ -400,10 +400,10 @@ def load_code(what: str, file: Path, name: str) -> Callable[..., object]:
         if ends_command(error):
             raise
         raise SceneError(f"{what} {file}: {in_one_line(error, __file__)}") from error
-    found = getattr(module, name, None)
-    if not callable(found):
+    member = getattr(module, name, None)
+    if not callable(member):
         classes = [item for item in vars(module).items() if isinstance(item[1], type)]
-        own = [known for known, kind in classes if kind.__module__ == module.__name__]
+        own = [class_name for class_name, kind in classes if kind.__module__ == module.__name__]
         hint = f"; write one of {', '.join(own)}" if own else ""
         raise SceneError(f"{what} {file}: it has no class {name}{hint}")
-    return found
+    return member

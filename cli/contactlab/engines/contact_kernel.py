@@ -129,11 +129,11 @@ class KernelStepper(BatchStepper):
     def step_run(self, run: int, inputs: Mapping[str, Any], out: Mapping[Any, np.ndarray]) -> str:
         """Make a run, and record it like a batch. Return the error, if any."""
         control = np.ascontiguousarray(inputs.get("control", np.empty((1, 0, 0))))
-        *taken, warned = (first + run * stride for first, stride in self._addresses)
+        *arrays_at, warned = (first + run * stride for first, stride in self._addresses)
         arrays = control, out[STATE], out["sensordata"], out["solver_niter"], *map(out.get, FORCES)
         addresses = [0 if array is None else array.ctypes.data for array in arrays]
         numbers = warned, run, inputs.get("control_spec", 0), control.shape[2]
-        task = np.array([self._models[run]._address, *taken, *addresses, *numbers])
+        task = np.array([self._models[run]._address, *arrays_at, *addresses, *numbers])
         error = self._library.record_run(self._handle, task.ctypes.data)
         if error == b"out of memory":
             raise MemoryError

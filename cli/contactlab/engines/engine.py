@@ -115,13 +115,13 @@ class Buffers:
         self._memory: dict[str, NDArray[Any]] = {}
 
     def arrays(
-        self, model: mujoco.MjModel, runs: int, steps: int, measured: int | None = None
+        self, model: mujoco.MjModel, runs: int, steps: int, sensor_numbers: int | None = None
     ) -> RolloutArrays:
-        """Return arrays for n runs of N steps, for all sensors, or for `measured` numbers."""
-        measured = model.nsensordata if measured is None else measured
+        """Return arrays for n runs of N steps, for all sensors, or for `sensor_numbers`."""
+        sensor_numbers = model.nsensordata if sensor_numbers is None else sensor_numbers
         return RolloutArrays(
             state=self.take("state", runs, steps + 1, 1 + model.nq + model.nv + model.na),
-            sensors=self.take("sensors", runs, steps, measured),
+            sensors=self.take("sensors", runs, steps, sensor_numbers),
             iterations=self.take("iterations", runs, steps, _ISLAND_COUNT, kind=np.int32),
         )
 
@@ -147,10 +147,10 @@ class Policy(Protocol):
 PolicyClass = Callable[[mujoco.MjModel], Policy]
 
 
-def bytes_of_run(model: mujoco.MjModel, steps: int, measured: int | None = None) -> int:
+def bytes_of_run(model: mujoco.MjModel, steps: int, sensor_numbers: int | None = None) -> int:
     """Return the memory [bytes] for the record of a run of N steps; see `Buffers.arrays`."""
-    measured = model.nsensordata if measured is None else measured
-    width = 1 + model.nq + model.nv + model.na + measured
+    sensor_numbers = model.nsensordata if sensor_numbers is None else sensor_numbers
+    width = 1 + model.nq + model.nv + model.na + sensor_numbers
     return 8 * width * (steps + 1) + 4 * _ISLAND_COUNT * steps
 
 
@@ -175,13 +175,13 @@ class PreparedRuns:
     policy: PolicyClass | None = None
 
     @classmethod
-    def of(cls, scene: Scene, *resolved: RunSpec, drawn: bool = True) -> "PreparedRuns":
+    def of(cls, scene: Scene, *resolved: RunSpec, is_drawn: bool = True) -> "PreparedRuns":
         """Prepare runs of one structure and step count.
 
-        If they are not `drawn`, their models lack data that only drawing reads.
+        If they are not to be drawn, their models lack data that only drawing reads.
         """
         starts = scene.initial_states(resolved)
-        compiled = None if drawn else scene.base_of(resolved[0]).motion_model
+        compiled = None if is_drawn else scene.base_of(resolved[0]).motion_model
         prepared = [
             scene.prepare(run, starts.select_run(place), compiled)
             for place, run in enumerate(resolved)

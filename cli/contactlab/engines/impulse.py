@@ -176,10 +176,10 @@ def _simulate_run(
 def _find_point_mass(base: CompiledScene, prepared: PreparedModel) -> _PointMass:
     model = prepared.model
     geoms = [side[0] for side in base.pairs[0].geoms] if len(base.pairs) == 1 else []
-    found = {int(model.geom_type[geom]): geom for geom in geoms}
-    if found.keys() != {_PLANE_TYPE, _SPHERE_TYPE} or base.pairs[0].bodies:
+    geom_of_type = {int(model.geom_type[geom]): geom for geom in geoms}
+    if geom_of_type.keys() != {_PLANE_TYPE, _SPHERE_TYPE} or base.pairs[0].bodies:
         raise SceneError(_REQUIREMENTS_TEXT)
-    plane, sphere = found[_PLANE_TYPE], found[_SPHERE_TYPE]
+    plane, sphere = geom_of_type[_PLANE_TYPE], geom_of_type[_SPHERE_TYPE]
     data = mujoco.MjData(model)
     data.qpos[:] = 0
     # The body's velocity for each unit joint velocity; the model has no other joints.

@@ -73,8 +73,8 @@ class MujocoEngine(SimulationEngine):
         """
         if isinstance(run.drive, PolicyDrive):
             return super().least_bytes(base, run)
-        measured = base.model.nsensordata - base.layout.contacts
-        return bytes_of_run(base.model, run.steps, measured)
+        sensor_numbers = base.model.nsensordata - base.layout.contacts
+        return bytes_of_run(base.model, run.steps, sensor_numbers)
 
     def seconds_per_step(self, runs: PreparedRuns) -> float:
         """Return the time of a step [s], without the overhead of a batch."""
@@ -92,7 +92,7 @@ class OlderMujocoEngine(MujocoEngine):
 
     def _with_cost(self, runs: PreparedRuns, rollout: Rollout) -> Rollout:
         """Return a rollout with the cost of the same steps without Python between them."""
-        cost = [_native_cost(runs, run, made) for run, made in enumerate(rollout.steps)]
+        cost = [_native_cost(runs, run, step_count) for run, step_count in enumerate(rollout.steps)]
         return replace(rollout, cost=np.array(cost))
 
     def seconds_per_step(self, runs: PreparedRuns) -> float:

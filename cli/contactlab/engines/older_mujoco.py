@@ -84,9 +84,9 @@ class StepLoop:
     def bind(self, name: str) -> Floats:
         """Return a view of a part of the state: time, qpos, qvel, act, ctrl or xfrc_applied."""
         model = self.model
-        wanted = int(getattr(mujoco.mjtState, f"mjSTATE_{name.upper()}"))
-        begin = mujoco.mj_stateSize(model, wanted - 1 & _INTEGRATION)
-        part = self.state[:, begin : begin + mujoco.mj_stateSize(model, wanted)]
+        state_bit = int(getattr(mujoco.mjtState, f"mjSTATE_{name.upper()}"))
+        begin = mujoco.mj_stateSize(model, state_bit - 1 & _INTEGRATION)
+        part = self.state[:, begin : begin + mujoco.mj_stateSize(model, state_bit)]
         if name == "xfrc_applied":
             return part.reshape(len(part), -1, 6)
         return part[:, 0] if name == "time" else part
@@ -200,7 +200,7 @@ class ContactSlots:
         """Fill the sensors after all of their inputs are computed."""
         if stage != _LAST_STAGE:
             return
-        measured = measure_contacts(model, data) if data.ncon else None
+        contact_values = measure_contacts(model, data) if data.ncon else None
         for sensor in self._sensors:
             begin = int(model.sensor_adr[sensor])
             row = data.sensordata[begin : begin + int(model.sensor_dim[sensor])]
@@ -209,21 +209,25 @@ class ContactSlots:
                 row[:] = self._last.get(sensor, 0.0)
                 continue
             row[:] = 0
-            if measured is not None and model.sensor_objtype[sensor] in (
+            if contact_values is not None and model.sensor_objtype[sensor] in (
                 _GEOM_OBJECT,
                 _BODY_OBJECT,
             ):
                 bodies = model.sensor_objtype[sensor] == _BODY_OBJECT
                 sides = model.sensor_objid[sensor], model.sensor_refid[sensor]
                 pair = np.array([bodies, *sides])
-                fill_pair(model, data, pair, measured, row.reshape(-1, SLOT_WIDTH))
-            elif measured is not None:
+                fill_pair(model, data, pair, contact_values, row.reshape(-1, SLOT_WIDTH))
+            elif contact_values is not None:
                 row[:] = data.ncon, data.contact.dist.min()
             self._last[sensor] = row.copy()
 
 
 def fill_pair(
-    model: mujoco.MjModel, data: mujoco.MjData, pair: np.ndarray, measured: Floats, slots: Floats
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    pair: np.ndarray,
+    contact_values: Floats,
+    slots: Floats,
 ) -> None:
     """Fill a pair's slots with its first contacts, flipped if their geoms are in reverse order.
 
@@ -236,10 +240,10 @@ def fill_pair(
         sides = np.where(sides >= 0, model.geom_bodyid[sides], -1)
     flipped = (sides == pair[::-1]).all(axis=1)
     contacts = np.flatnonzero(flipped | (sides == pair).all(axis=1))
-    kept = contacts[: len(slots)]
-    rows = measured[kept]
+    kept_contacts = contacts[: len(slots)]
+    rows = contact_values[kept_contacts]
     rows[:, FOUND] = len(contacts)
-    rows[np.ix_(flipped[kept], _FLIPPED_ENTRIES)] *= -1.0
+    rows[np.ix_(flipped[kept_contacts], _FLIPPED_ENTRIES)] *= -1.0
     slots[: len(rows)] = rows
 
 

@@ -85,12 +85,14 @@ class Passages:
             places = zip(first[fast].tolist(), second[fast].tolist(), strict=True)
             pairs = dict(zip(places, self._least[fast].tolist(), strict=True))
             close = ClosePairs(model, position, rotation, turned)
-            found = [*self._fast_passages(model, pairs, close, turned)]
+            passages = [*self._fast_passages(model, pairs, close, turned)]
             within = _StepSearch(model, states[:, 1 : positions + model.nv], acting)
             for pair, least in pairs.items():
-                found += within.find_passages(pair, close, moved[:, pair].sum(axis=1), least=least)
-            found += _passages_through_flexes(model, position, rotation, vertices)
-            self.found[run] = tuple(sorted(found, key=lambda passage: passage.step))
+                passages += within.find_passages(
+                    pair, close, moved[:, pair].sum(axis=1), least=least
+                )
+            passages += _passages_through_flexes(model, position, rotation, vertices)
+            self.found[run] = tuple(sorted(passages, key=lambda passage: passage.step))
 
     def _fast_passages(
         self,
@@ -121,8 +123,8 @@ class Passages:
                     path = _in_geom_frame(model, *poses, wall, place)
                     own = turned[model.geom_bodyid[mover]] * point.any()
                     turns = own + turned[model.geom_bodyid[wall]] * shape.turns
-                    found = _first_passage(path, least, shape, turns[some])
-                    steps += [(some.start or 0) + step for step in found]
+                    step_of_passage = _first_passage(path, least, shape, turns[some])
+                    steps += [(some.start or 0) + step for step in step_of_passage]
                 if steps:
                     yield _make_passage(model, mover, wall, min(steps))
                     break
@@ -338,8 +340,8 @@ def _passages_through_flexes(
             continue
         corners = vertices[:, first + faces]
         centre = _point_positions(model, position, rotation, geom)
-        seen = centre[:, None] - corners.mean(axis=2)
-        step = _first_crossing(seen, corners - corners.mean(axis=2, keepdims=True))
+        relative = centre[:, None] - corners.mean(axis=2)
+        step = _first_crossing(relative, corners - corners.mean(axis=2, keepdims=True))
         if step is None:
             continue
         # A geom that has only rolled over an edge still lies on it soon after.
@@ -349,21 +351,21 @@ def _passages_through_flexes(
             yield Passage(name_of(model, "geom", geom), name, step)
 
 
-def _first_crossing(seen: Floats, corners: Floats) -> int | None:
+def _first_crossing(points: Floats, corners: Floats) -> int | None:
     """Return the first step where a point crosses a triangle; None if it never does.
 
-    The point `seen` (N, F, 3) and `corners` (N, F, 3, 3) are relative to the triangles' centers
+    `points` (N, F, 3) of its path and `corners` (N, F, 3, 3) are relative to the triangles' centers
     [m].
     """
     normal = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
-    height = (seen * normal).sum(axis=2)
+    height = (points * normal).sum(axis=2)
     for step, face in np.argwhere(height[:-1] * height[1:] < 0).tolist():
         before, after = height[step : step + 2, face]
-        met = seen[step, face] + (seen[step + 1, face] - seen[step, face]) * before / (
+        crossing = points[step, face] + (points[step + 1, face] - points[step, face]) * before / (
             before - after
         )
         sides = np.roll(corners[step, face], -1, axis=0) - corners[step, face]
-        inside = np.cross(sides, met - corners[step, face]) @ normal[step, face]
+        inside = np.cross(sides, crossing - corners[step, face]) @ normal[step, face]
         if (inside >= 0).all():
             return step
     return None
@@ -401,8 +403,8 @@ def _in_geom_frame(
     body = int(model.geom_bodyid[wall])
     if model.geom_type[wall] == _SPHERE_TYPE:
         return place - _point_positions(model, position, rotation, wall)
-    seen = rotate_vectors_back(rotation[:, body], place - position[:, body])
-    return rotate_vectors_back(model.geom_quat[wall], seen - model.geom_pos[wall])
+    in_body = rotate_vectors_back(rotation[:, body], place - position[:, body])
+    return rotate_vectors_back(model.geom_quat[wall], in_body - model.geom_pos[wall])
 
 
 def _first_passage(
@@ -451,8 +453,11 @@ class _PassableGeom:
             return False
         if self._kind == _HFIELD_TYPE and self._depth_below(end) > self._size:
             return True
-        entered, left = self._ray_distance(begin, end - begin), self._ray_distance(end, begin - end)
-        return min(entered, left) >= 0 and entered + left < 1 - SUM_ROUNDING
+        entered, exit_distance = (
+            self._ray_distance(begin, end - begin),
+            self._ray_distance(end, begin - end),
+        )
+        return min(entered, exit_distance) >= 0 and entered + exit_distance < 1 - SUM_ROUNDING
 
     def _depth_below(self, point: Floats) -> float:
         """Return the depth of a point beneath a height field [m]; negative if it is above."""

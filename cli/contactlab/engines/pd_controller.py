@@ -58,10 +58,10 @@ def find_motors(model: mujoco.MjModel) -> PdGains:
         raise SceneError("a PD by gains drives motors, but actuators have feedback of their own")
     if not single.any():
         raise SceneError("a PD by gains drives motors of joints, but no motor moves a joint")
-    used = np.where(single, joints, 0)
+    used_joints = np.where(single, joints, 0)
     scale = model.actuator_gear[:, 0] * model.actuator_gainprm[:, 0]
     controls = np.where(single & (scale != 0), 1 / np.where(scale, scale, 1.0), 0.0)
-    return PdGains(model.jnt_qposadr[used], model.jnt_dofadr[used], controls)
+    return PdGains(model.jnt_qposadr[used_joints], model.jnt_dofadr[used_joints], controls)
 
 
 def send_targets(policy: PolicyClass) -> PolicyClass:
@@ -113,7 +113,7 @@ def find_servos(model: mujoco.MjModel) -> np.ndarray:
     joints = np.asarray(model.actuator_trnid)[:, 0]
     gains, biases = model.actuator_gainprm, model.actuator_biasprm
     single = (model.actuator_trntype == _JOINT) & (model.jnt_type[joints] >= _SLIDE)
-    found = single & (gains[:, 0] > 0) & (biases[:, 1] == -gains[:, 0]) & (biases[:, 0] == 0)
-    if not found.any():
+    is_servo = single & (gains[:, 0] > 0) & (biases[:, 1] == -gains[:, 0]) & (biases[:, 0] == 0)
+    if not is_servo.any():
         raise SceneError("send=targets: the model lacks position servos; leave it out")
-    return np.flatnonzero(found)
+    return np.flatnonzero(is_servo)

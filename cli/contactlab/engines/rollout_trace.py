@@ -39,10 +39,10 @@ def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Ro
         else:
             slots = rollout.slots[index]
         pairs.append(PairTrace(pair.name, slots, friction[:, index]))
-    held = None
+    held_pose = None
     if layout.held is not None:
         pose = sensors[:, :, layout.held : layout.held + 7]
-        held = HeldPose(pose[:, :, :3], pose[:, :, 3:])
+        held_pose = HeldPose(pose[:, :, :3], pose[:, :, 3:])
     return Trace(
         timestep=np.array([compiled.model.opt.timestep for compiled in models]),
         steps_asked=sensors.shape[1],
@@ -59,7 +59,7 @@ def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Ro
         angular_momentum=_sensor_vectors(sensors, layout.angular_momentum, np.ones((1, 1, 1))),
         pairs=tuple(pairs),
         warnings=rollout.warnings,
-        held_pose=held,
+        held_pose=held_pose,
         forces=sensors[:, :, layout.forces : layout.forces + model.nu],
         lengths=sensors[:, :, layout.lengths : layout.lengths + model.ntendon],
         **{field.name: getattr(rollout, field.name) for field in fields(EngineOutputs)},

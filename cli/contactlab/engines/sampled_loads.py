@@ -45,8 +45,8 @@ def with_loads(runs: PreparedRuns, rollout: Rollout) -> Rollout:
         if model.opt.enableflags & _SLEEP_FLAG:
             sleeper[run] = _worst_sleeper(model, start, rollout.state[run, : steps + 1])
         if sampler is not None and steps:
-            found = sampler.sample_loads(model, start, rollout.state[run, : steps + 1])
-            loads[run], gaps[run], speeds = found
+            sampled = sampler.sample_loads(model, start, rollout.state[run, : steps + 1])
+            loads[run], gaps[run], speeds = sampled
             # A driven joint may turn slowly in its bearings.
             creep[run] = speeds * (ranges[run, :, 0] == ranges[run, :, 1]).all()
     rollout = replace(rollout, control_ranges=ranges, sleeper=sleeper, creep=creep)
@@ -87,14 +87,14 @@ def _worst_sleeper(model: mujoco.MjModel, start: InitialStates, states: Floats) 
     # Number of checked sleeps: the fastest and longest ones.
     for sleep in sorted(_find_sleeps(model, speeds), key=estimated_distance)[-4:]:
         few = min(_WAKING_STEPS, sleep.steps)
-        gone, last = _awake_motion(awake, start, states, (sleep.begin, few))
-        gone += last * (sleep.steps - few) * step
-        if gone[sleep.dofs].max() > rest:
-            gone, _ = _awake_motion(awake, start, states, (sleep.begin, sleep.steps))
-        most = gone[sleep.dofs].max()
+        distance, last = _awake_motion(awake, start, states, (sleep.begin, few))
+        distance += last * (sleep.steps - few) * step
+        if distance[sleep.dofs].max() > rest:
+            distance, _ = _awake_motion(awake, start, states, (sleep.begin, sleep.steps))
+        most = distance[sleep.dofs].max()
         whole = most + ways[sleep.dofs].max()
         if whole > 0 and not most <= worst[0]:
-            joint = model.dof_jntid[sleep.dofs.start + gone[sleep.dofs].argmax()]
+            joint = model.dof_jntid[sleep.dofs.start + distance[sleep.dofs].argmax()]
             worst = np.array([most, most / whole, joint, sleep.begin])
     return worst
 
@@ -124,7 +124,7 @@ def _awake_motion(
     first, last = max(begin - 1, 0), len(states) - 1
     mujoco.mj_setState(model, data, states[first], int(STATE))
     at = np.minimum(first + np.arange(begin + steps - first), last)
-    gone, away, here = np.zeros(model.nv), np.empty(model.nv), np.array(data.qpos)
+    distance, away, here = np.zeros(model.nv), np.empty(model.nv), np.array(data.qpos)
     # Number of checks of the awake body's motion.
     looks = np.ceil(np.linspace(0, len(at), 16 + 1)[1:]).astype(int) - 1
     for place, inputs in enumerate(start.input_rows(0, model.opt.timestep, at)):
@@ -132,8 +132,8 @@ def _awake_motion(
         mujoco.mj_step(model, data)
         if place in looks:
             mujoco.mj_differentiatePos(model, away, 1, here, data.qpos)
-            np.maximum(gone, np.abs(away) * model.dof_length, out=gone)
-    return gone, np.abs(data.qvel) * model.dof_length
+            np.maximum(distance, np.abs(away) * model.dof_length, out=distance)
+    return distance, np.abs(data.qvel) * model.dof_length
 
 
 class LoadSampler:
@@ -169,8 +169,8 @@ class LoadSampler:
             np.add.at(gaps[sample], which, self._row_violations(model, rows, which) ** 2)
             creeps = self._creeping_rows(model)
             for kind, first in zip(_BRAKE_TYPES, (0, model.nv), strict=True):
-                held = creeps & (data.efc_type == int(kind))
-                creep[sample, first + data.efc_id[held]] = data.efc_vel[held]
+                is_held = creeps & (data.efc_type == int(kind))
+                creep[sample, first + data.efc_id[is_held]] = data.efc_vel[is_held]
         gaps = np.sqrt(gaps)
         late = steps >= min(0.75 * (len(states) - 1), steps[-1])
         passed = np.median(steps[late]) * model.opt.timestep
@@ -202,8 +202,8 @@ class LoadSampler:
         # A swinging body turns back under more load than friction loss could hold.
         inverse_inertia = data.efc_R * impedance / (1 - impedance)
         holding = forces - accelerations / inverse_inertia
-        held = (np.abs(forces) < most) & (np.abs(holding) < most)
-        return held & (accelerations * np.sign(data.efc_vel) <= most_change * balancing)
+        is_held = (np.abs(forces) < most) & (np.abs(holding) < most)
+        return is_held & (accelerations * np.sign(data.efc_vel) <= most_change * balancing)
 
     def _row_violations(self, model: mujoco.MjModel, rows: np.ndarray, which: np.ndarray) -> Floats:
         """Return each row's part of an equality's violation; welds move the smaller's far end."""
@@ -228,7 +228,10 @@ def _steady_creep(velocities: Floats, steps: NDArray[np.intp], last: int) -> Flo
     #
     # The first quarter does not count, because brakes take up load in it. The step is the sample of
     # the quarter with the smallest speed that is at least the median.
-    quarter, found = np.minimum(4 * steps // max(last, 1), 3), np.zeros((2, velocities.shape[1]))
+    quarter, creep_and_step = (
+        np.minimum(4 * steps // max(last, 1), 3),
+        np.zeros((2, velocities.shape[1])),
+    )
     for part in {*quarter.tolist()} - {0}:
         here = np.flatnonzero(quarter == part)
         values = velocities[here]
@@ -236,9 +239,9 @@ def _steady_creep(velocities: Floats, steps: NDArray[np.intp], last: int) -> Flo
         forward = values * np.sign(median)
         reaching = np.where(forward >= np.abs(median), forward, np.inf)
         chosen, speed = np.argmin(reaching, axis=0), np.min(reaching, axis=0)
-        faster = (median != 0) & (speed > found[0])
-        found[:, faster] = speed[faster], steps[here][chosen[faster]]
-    return found
+        faster = (median != 0) & (speed > creep_and_step[0])
+        creep_and_step[:, faster] = speed[faster], steps[here][chosen[faster]]
+    return creep_and_step
 
 
 def sampled_steps(steps: int) -> np.ndarray:

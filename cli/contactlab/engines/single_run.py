@@ -48,10 +48,10 @@ def integrate_to(
     last, contacts = np.concatenate([part[0].ravel() for part in parts]), np.empty(0)
     states, impacts = np.tile(last, (len(times), 1)), 0
     size = max(1, _BLOCK_BYTES // (8 * len(last)))
-    for done in range(0, int(steps[-1]), size):
+    for first_step in range(0, int(steps[-1]), size):
         watch()
-        count = min(size, int(steps[-1]) - done)
-        inputs = driven_inputs(model, start, 0, count, first + done)
+        count = min(size, int(steps[-1]) - first_step)
+        inputs = driven_inputs(model, start, 0, count, first + first_step)
         try:
             out = batch.rollout(count, record=[int(STATE), "ncon"], **inputs)
         except SimulationError:
@@ -59,10 +59,13 @@ def integrate_to(
         rows = out[int(STATE)][0]
         if (np.diff(rows[:, 0], prepend=last[0]) <= 0).any() or not np.isfinite(rows).all():
             return None
-        wanted = (steps > done) & (steps <= done + count)
-        states[wanted], last = rows[steps[wanted] - done - 1], rows[-1]
-        found = np.concatenate([contacts, out["ncon"][0].ravel()])
-        impacts, contacts = impacts + int(np.count_nonzero(np.diff(found))), found[-1:]
+        is_here = (steps > first_step) & (steps <= first_step + count)
+        states[is_here], last = rows[steps[is_here] - first_step - 1], rows[-1]
+        contact_counts = np.concatenate([contacts, out["ncon"][0].ravel()])
+        impacts, contacts = (
+            impacts + int(np.count_nonzero(np.diff(contact_counts))),
+            contact_counts[-1:],
+        )
     # Continue after whole steps, for the rest of another one.
     steps = first + steps
     short, data = copy.copy(model), mujoco.MjData(model)
@@ -90,11 +93,11 @@ def count_work(
     block_steps = 1 << 14  # between two looks at the time limit
     for begin, end in zip(places, [*places[1:], steps], strict=True):
         states.append(np.array(batch.state[0]))
-        for done in range(begin, end, block_steps):
+        for first_step in range(begin, end, block_steps):
             watch()
-            block = min(block_steps, end - done)
+            block = min(block_steps, end - first_step)
             try:
-                inputs = driven_inputs(model, start, 0, block, done)
+                inputs = driven_inputs(model, start, 0, block, first_step)
                 out = batch.rollout(block, record=list(_WORK_FIELDS), **inputs)
             except SimulationError:
                 return None

@@ -78,7 +78,7 @@ def task_motions(
     runs = scene.resolve_seeds(values, task.seeds, task.duration)
     if (engine := runs[0].engine) != _ENGINE:
         raise EngineError(f"examine measures MuJoCo's own motion, not that of engine {engine}")
-    prepared = PreparedRuns.of(scene, *runs, drawn=False)
+    prepared = PreparedRuns.of(scene, *runs, is_drawn=False)
     model = change(prepared.models[0])
     prepared = replace(prepared, prepared=[replace(run, model=model) for run in prepared.prepared])
     if policy := allowed_policy(scene.drive, allowed=allow_code):
