@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 
 import typer
 
-from contactlab.command_line.declaration import Argument, Command, Arguments, Option, Parameter
+from contactlab.command_line.declaration import Argument, Arguments, Command, Option, Parameter
 from contactlab.command_line.surroundings import within
 from contactlab.command_line.terminal import Terminal, notice, say
 from contactlab.errors import CommandLineError, StoppedError, suggestion
