@@ -19,14 +19,19 @@ class ContactlabError(Exception):
 
     @classmethod
     def unless_known(
-        cls, name: str, known: Collection[str], message: str, otherwise: str = "", rest: str = ""
+        cls,
+        name: str,
+        known_names: Collection[str],
+        message: str,
+        otherwise: str = "",
+        rest: str = "",
     ) -> None:
         """Raise it for a name that is not known, with the closest one that is, or something else.
 
         Both follow the message; the rest follows them.
         """
-        if name not in known:
-            raise cls(f"{message}{did_you_mean(name, known) or otherwise}{rest}")
+        if name not in known_names:
+            raise cls(f"{message}{did_you_mean(name, known_names) or otherwise}{rest}")
 
 
 class CommandLineError(ContactlabError):
@@ -78,9 +83,9 @@ class StoreError(ContactlabError):
 class OtherSweepError(StoreError):
     """A place holds a store of another sweep, or of the same one by other code: `held` says so."""
 
-    def __init__(self, held: str, remedy: str) -> None:
-        super().__init__(f"{held}; {remedy}")
-        self.held = held
+    def __init__(self, content: str, remedy: str) -> None:
+        super().__init__(f"{content}; {remedy}")
+        self.held = content
 
 
 class ExpectationError(ContactlabError):
@@ -115,18 +120,18 @@ class UnheldWarning(ModelWarning):
     """Warning of parts that a drive which holds a model cannot hold."""
 
 
-def suggestion(name: str, known: Iterable[str], alike: float = 0.6) -> str:
+def suggestion(name: str, known_names: Iterable[str], alike: float = 0.6) -> str:
     """Return "did you mean 'x'?" for the closest known name, or an empty string.
 
     Names are close from a ratio of letters that they share.
     """
-    close = difflib.get_close_matches(name, list(known), n=1, cutoff=alike)
+    close = difflib.get_close_matches(name, list(known_names), n=1, cutoff=alike)
     return f"did you mean '{close[0]}'?" if close else ""
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
+def did_you_mean(name: str, known_names: Iterable[str]) -> str:
     """Return a suggestion to append to a message, behind a semicolon; or an empty string."""
-    return f"; {hint}" if (hint := suggestion(name, known)) else ""
+    return f"; {hint}" if (hint := suggestion(name, known_names)) else ""
 
 
 def no_file(path: Path, kind: str, suffixes: Collection[str] = ()) -> str:
@@ -136,16 +141,18 @@ def no_file(path: Path, kind: str, suffixes: Collection[str] = ()) -> str:
     if not path.parent.is_dir():
         return f"no {kind} {path}; there is no folder {path.parent}"
     suffixes = [suffix for suffix in suffixes if suffix]
-    found = sorted(file.name for file in path.parent.iterdir() if file.is_file())
-    names = [name for name in found if not suffixes or Path(name).suffix in suffixes]
+    file_names = sorted(file.name for file in path.parent.iterdir() if file.is_file())
+    names = [name for name in file_names if not suffixes or Path(name).suffix in suffixes]
     most_nearby = 3
     endings = f"{' or '.join(suffixes)} file" if suffixes else kind
-    listed = ", ".join(names[:most_nearby]) or f"no {endings}"
+    nearby_names = ", ".join(names[:most_nearby]) or f"no {endings}"
     # Files of one kind end alike, so that their stems tell which one is close.
     stems = {Path(name).stem: name for name in names}
     close = difflib.get_close_matches(path.stem, stems, n=1)
     near = f"; did you mean '{stems[close[0]]}'?" if close else ""
-    return f"no {kind} {path}{near or f'; the folder {path.parent.resolve().name} has {listed}'}"
+    return (
+        f"no {kind} {path}{near or f'; the folder {path.parent.resolve().name} has {nearby_names}'}"
+    )
 
 
 # Of files whose frames lie between a caller and the code that it runs.
@@ -184,8 +191,8 @@ def install_command(extra: str) -> str:
 
     It never names contactlab itself: on a package index, that name may be anybody's.
     """
-    found = filter(None, map(_OF_EXTRA.fullmatch, requires("contactlab") or ()))
-    needed = [f"'{each['requirement'].strip()}'" for each in found if each["extra"] == extra]
+    requirements = filter(None, map(_OF_EXTRA.fullmatch, requires("contactlab") or ()))
+    needed = [f"'{each['requirement'].strip()}'" for each in requirements if each["extra"] == extra]
     return " ".join(["pip install", *needed])
 
 

@@ -60,9 +60,9 @@ def code_limit() -> Generator[None]:
     try:
         yield
     except _TooLongError as error:
-        said = TimeoutError(f"it did not return within {SECONDS:g} s")
+        timeout_error = TimeoutError(f"it did not return within {SECONDS:g} s")
         # It was there.
-        raise said.with_traceback(error.__traceback__) from None
+        raise timeout_error.with_traceback(error.__traceback__) from None
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)
@@ -147,16 +147,16 @@ def printed_as_text() -> Generator[None]:
     finally:
         with suppress(OSError, ValueError):
             own.close()
-        for number, kept in enumerate(before, 1):
-            os.dup2(kept, number)
+        for number, saved_file in enumerate(before, 1):
+            os.dup2(saved_file, number)
         sys.stdout, sys.stderr = streams
         streams_by_thread.has_ended = True
         with suppress(OSError, ValueError):
             streams[1].write(printed.take_text())
         if others is not streams[1]:
             others.close()
-        for kept in before:
-            os.close(kept)
+        for saved_file in before:
+            os.close(saved_file)
         printed.file.close()
         _shown.release()
 

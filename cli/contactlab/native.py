@@ -48,8 +48,8 @@ def compile_library(source: Path, *arguments: str, version: str = "") -> Path:
     if target.exists():
         return target
     # Two processes may compile it at once; each replaces the file as a whole.
-    with tempfile.TemporaryDirectory(dir=folder) as made:
-        library = Path(made) / target.name
+    with tempfile.TemporaryDirectory(dir=folder) as temporary:
+        library = Path(temporary) / target.name
         command = [*_find_compiler(), *command, "-o", str(library)]
         most_seconds = 120  # A compiler that takes longer hangs.
         try:
@@ -63,10 +63,10 @@ def compile_library(source: Path, *arguments: str, version: str = "") -> Path:
 
 def _find_compiler() -> list[str]:
     """Return the command that the user named, or the system's, or ziglang's."""
-    if named := shlex.split(os.environ.get("CC", "")):
-        return named
-    if found := shutil.which("cc"):
-        return [found]
+    if named_compiler := shlex.split(os.environ.get("CC", "")):
+        return named_compiler
+    if system_compiler := shutil.which("cc"):
+        return [system_compiler]
     if importlib.util.find_spec("ziglang"):
         return [sys.executable, "-P", "-m", "ziglang", "cc"]
     raise CompilerError(

@@ -54,10 +54,10 @@ def on_dark(colour: str) -> str:
     """
     levels = np.array([int(colour[place : place + 2], 16) for place in (1, 3, 5)]) / 255
     linear = np.where(levels <= 0.04045, levels / 12.92, ((levels + 0.055) / 1.055) ** 2.4)
-    seen = _OPPONENTS @ np.cbrt(_CONES @ linear)
+    opponent_colour = _OPPONENTS @ np.cbrt(_CONES @ linear)
     towards_white = 0.15
     white = np.array([1.0, 0.0, 0.0])
-    lifted = seen + towards_white * (white - seen)
+    lifted = opponent_colour + towards_white * (white - opponent_colour)
     linear = np.linalg.solve(_CONES, np.linalg.solve(_OPPONENTS, lifted) ** 3).clip(0, 1)
     levels = np.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear ** (1 / 2.4) - 0.055)
     return "#" + "".join(f"{round(255 * level):02x}" for level in levels.tolist())

@@ -84,12 +84,12 @@ def require_plugins(plugins: Iterable[Plugin]) -> None:
 
 
 def _load_installed(name: str) -> Plugin:
-    found = next(
+    plugin_distribution = next(
         (distribution for distribution in _find_distributions() if distribution.name == name), None
     )
-    if found is None:
+    if plugin_distribution is None:
         raise PluginError(f"plug-in {name} is not installed here; install it on every node")
-    return _load_distribution(found)
+    return _load_distribution(plugin_distribution)
 
 
 def _find_distributions() -> list[Distribution]:
@@ -145,7 +145,7 @@ def _add_entry(kind: str, entry: object) -> None:
     """Add an entry that was not registered when its module was imported."""
     registry = REGISTRIES[kind]
     if isinstance(entry, type):
-        if not any(type(known) is entry for known in registry.values()):
+        if not any(type(registered) is entry for registered in registry.values()):
             registry.add(entry())
     elif isinstance(entry, NamedEntry) and not isinstance(entry, ModuleType):
         registry.add(entry)
@@ -174,13 +174,13 @@ def _load_file(file: Path) -> Plugin:
 
 
 def _require_same(plugin: Plugin) -> Plugin:
-    known = _loaded[plugin.name]
-    if known.sha256 != plugin.sha256:
+    loaded = _loaded[plugin.name]
+    if loaded.sha256 != plugin.sha256:
         raise PluginError(
             f"another plug-in named {plugin.name} is loaded already, or it changed since; "
             "rename one, or start Python again"
         )
-    return known
+    return loaded
 
 
 @contextmanager

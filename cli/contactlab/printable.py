@@ -37,7 +37,7 @@ def visible(text: str) -> str:
 def printable(text: str) -> str:
     """Return lines that neither a terminal nor a CI job takes for a command."""
     return _COMMAND.sub(
-        lambda found: (found["start"] or "") + _escape_character(found), visible(text)
+        lambda match: (match["start"] or "") + _escape_character(match), visible(text)
     )
 
 
@@ -54,8 +54,8 @@ def in_markdown(text: str) -> str:
     return _REFERENCE.sub(r"\g<0><!-- -->", plain)
 
 
-def _escape_character(found: re.Match[str]) -> str:
-    return f"\\u{ord(found[0][-1]):04x}"
+def _escape_character(match: re.Match[str]) -> str:
+    return f"\\u{ord(match[0][-1]):04x}"
 
 
 def shortened(lines: Sequence[str], most: int, rest: str) -> list[str]:
@@ -66,8 +66,8 @@ def shortened(lines: Sequence[str], most: int, rest: str) -> list[str]:
 
 def first_names(line: str) -> str:
     """Return `kind: name, name, ...` with the first names, and how many more there are."""
-    kind, _, listed = line.partition(": ")
-    names = listed.split(", ")
+    kind, _, name_list = line.partition(": ")
+    names = name_list.split(", ")
     most_names = 12  # of a list in one line
     more = len(names) - most_names
     rest = [f"and {more} more"] if more > 0 else []

@@ -61,9 +61,9 @@ def listening_to_steps(listener: Listener) -> Generator[None]:
 
 
 @contextmanager
-def step_count(name: str, total: float, *, named: bool = False) -> Generator[StepCount]:
+def step_count(name: str, total: float, *, is_named: bool = False) -> Generator[StepCount]:
     """Yield the count of some work within other counted work; `finish_step` counts a step."""
-    counts, own = _current.get(), StepCount(name, max(total, 1.0), is_named=named)
+    counts, own = _current.get(), StepCount(name, max(total, 1.0), is_named=is_named)
     if counts is None:
         yield own
         return
@@ -104,7 +104,7 @@ def count_steps(items: Iterable[_Item], name: str, total: float) -> Iterator[_It
 @contextmanager
 def step_names(total: float) -> Generator[Callable[[str], None]]:
     """Yield a function to call with the name of each of at most `total` steps as it begins."""
-    with step_count("", total, named=True) as count:
+    with step_count("", total, is_named=True) as count:
 
         def begin_step(name: str) -> None:
             steps = 1.0 if count.name else 0.0

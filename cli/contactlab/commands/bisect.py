@@ -77,7 +77,7 @@ def bisect(
     sweep_options = tuple(sweep_words(opt.assigned(set), workers, allow_code=allow_code))
     subject = bisection.SweepOutcomes(
         place,
-        cache(partial(run_sweep, source, given=sweep_options, notify=say)),
+        cache(partial(run_sweep, source, sweep_options=sweep_options, notify=say)),
         policy_of(policy),
         question,
     )

@@ -86,8 +86,8 @@ class BrowserModel:
         for place, element in enumerate(root.iterfind("./asset/*[@file]")):
             file = element.get("file", "")
             if element.tag == "mesh":
-                found = self.model.mesh(element.get("name", Path(file).stem))
-                name, content = f"{place}.msh", _mesh_file(self.model, found.id)
+                mesh = self.model.mesh(element.get("name", Path(file).stem))
+                name, content = f"{place}.msh", _mesh_file(self.model, mesh.id)
                 element.attrib.pop("content_type", None)
                 # The class of the mesh may set other values.
                 element.attrib.update(_UNCHANGED_MESH)
@@ -146,9 +146,9 @@ def _without_drawing_data(model: mujoco.MjModel) -> mujoco.MjModel:
 
 def _mesh_file(model: mujoco.MjModel, mesh: int) -> bytes:
     """Return a mesh in its author's frame, in MuJoCo's own format: points and triangles."""
-    found = model.mesh(mesh)
-    first, count = int(found.vertadr[0]), int(found.vertnum[0])
-    face, faces = int(found.faceadr[0]), int(found.facenum[0])
+    mesh_view = model.mesh(mesh)
+    first, count = int(mesh_view.vertadr[0]), int(mesh_view.vertnum[0])
+    face, faces = int(mesh_view.faceadr[0]), int(mesh_view.facenum[0])
     turn = np.empty(9)
     mujoco.mju_quat2Mat(turn, model.mesh_quat[mesh])
     compiled = model.mesh_vert[first : first + count].astype(np.float64)

@@ -20,8 +20,8 @@ def rows_of(report: BudgetReport) -> Iterator[tuple[Row, str]]:
     for row in (row for phase in report.phases for row in phase.rows):
         if row.name not in worst or _share_size(row) > _share_size(worst[row.name]):
             worst[row.name] = row
-    found = [row for row in list_rows() if row.name in worst]
-    for row in sorted(found, key=lambda row: -_share_size(worst[row.name])):
+    large_rows = [row for row in list_rows() if row.name in worst]
+    for row in sorted(large_rows, key=lambda row: -_share_size(worst[row.name])):
         yield row, _effect_text(worst[row.name])
 
 
@@ -29,11 +29,11 @@ def switched_models(model: mujoco.MjModel, row: Row) -> Iterator[tuple[str, mujo
     """Yield each change of a row, by its name, in a copy of a model."""
     names = [row.name] if len(row.changes) == 1 else [f"{row.name}, more", f"{row.name}, less"]
     for name, change in zip(names, row.changes, strict=True):
-        made = copy.copy(model)
+        switched = copy.copy(model)
         if row.both is not None:
-            row.both(made, model)
-        change(made, model)
-        yield name, made
+            row.both(switched, model)
+        change(switched, model)
+        yield name, switched
 
 
 def _share_size(row: BudgetRow) -> float:

@@ -111,10 +111,10 @@ class _PageContent:
             "flags": {
                 f"opt.{kind}flags": {
                     name.partition("_")[2].lower(): int(bit)
-                    for name, bit in found.__members__.items()
+                    for name, bit in members.__members__.items()
                     if not name.startswith("mjN")
                 }
-                for kind, found in bits.items()
+                for kind, members in bits.items()
             },
         }
         style = read_style("live")
@@ -141,21 +141,21 @@ class _PageContent:
         return len(self._blobs) - 1
 
     def _model_entry(self, place: int) -> dict[str, Any]:
-        found: BrowserModel = self.runs.models[place]
+        browser_model: BrowserModel = self.runs.models[place]
         entry: dict[str, Any] = {
             "geoms": [visible(name) for name in self.runs.geom_names(place)],
-            "mjcf": found.mjcf,
-            "textures": [self._texture_entry(texture) for texture in found.textures],
+            "mjcf": browser_model.mjcf,
+            "textures": [self._texture_entry(texture) for texture in browser_model.textures],
         }
         if self._has_same_version:
-            return entry | {"bytes": self._add_blob(found.compiled)}
-        if not found.mjcf:
+            return entry | {"bytes": self._add_blob(browser_model.compiled)}
+        if not browser_model.mjcf:
             return entry
-        text, files = found.standalone_mjcf
+        text, files = browser_model.standalone_mjcf
         return entry | {
             "alone": text,
             "files": {name: self._add_blob(data) for name, data in files.items()},
-            "numbers": pack_columns(found.numbers),
+            "numbers": pack_columns(browser_model.numbers),
         }
 
     def _texture_entry(self, texture: Texture) -> dict[str, Any]:

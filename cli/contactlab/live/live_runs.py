@@ -209,24 +209,26 @@ class LiveRuns:
             }
             cost = f"x{fix.time_ratio.ratio:.2f} time" if fix.time_ratio else ""
             variant = self._with_axes({**axes, **values}, record, controls)
-            said = ", ".join(f"{name} {value_text(value)}" for name, value in values.items())
-            yield Switch("Fixes", fix.name, said, cost, variant)
+            values_words = ", ".join(
+                f"{name} {value_text(value)}" for name, value in values.items()
+            )
+            yield Switch("Fixes", fix.name, values_words, cost, variant)
 
     def _budget_switches(self, variant: Variant) -> Iterator[Switch]:
         budget = self.examination.budget if self.examination else None
-        for row, told in rows_of(budget) if budget else ():
+        for row, error_text in rows_of(budget) if budget else ():
             for name, model in switched_models(variant.model, row):
                 changed = replace(variant, model=model)
-                yield Switch("Rows of the budget", name, row.summary, told, changed)
+                yield Switch("Rows of the budget", name, row.summary, error_text, changed)
 
 
 def _thin_poses(time: Floats, qpos: Floats, qvel: Floats) -> StoredMotion | None:
     if not len(time):
         return None
     ghost_rate = 60.0  # stored poses per simulated second
-    wanted = np.arange(time[0], time[-1], 1 / ghost_rate)
-    shown = np.union1d(np.searchsorted(time, wanted), [len(time) - 1])
-    return StoredMotion(time[shown], qpos[shown], (qpos[-1].copy(), qvel[-1].copy()))
+    instants = np.arange(time[0], time[-1], 1 / ghost_rate)
+    rows = np.union1d(np.searchsorted(time, instants), [len(time) - 1])
+    return StoredMotion(time[rows], qpos[rows], (qpos[-1].copy(), qvel[-1].copy()))
 
 
 def _impossible_reason(record: EvidenceRecord, model: mujoco.MjModel) -> str:

@@ -43,16 +43,20 @@ def offered_values(
     `axes` are the canonical values of the axes that the run was given. Further numbers are offered
     between swept ones, except for the structure, since each of its values needs a compiled model.
     """
-    given = [spec for spec in map(scene.catalogue.find, axes) if spec is not None]
+    swept_axes = [spec for spec in map(scene.catalogue.find, axes) if spec is not None]
     structure = scene.resolve({}, 0, None).structure
-    for spec in given:
+    for spec in swept_axes:
         own, stored = axes[spec.name], columns.coded(spec.name).values
         swept = [spec.parse(value) for value in stored if value is not None]
         finer = [] if spec.name in structure else _values_between(swept)
         yield spec, own, _accepted_values(spec, own, [*swept, *finer])
     for name, (place, offered) in _USUAL_VALUES.items():
         spec, setting = scene.catalogue.find(name), record.settings.get(attribute_of(name))
-        if spec is None or setting is None or any(_same_setting(spec, other) for other in given):
+        if (
+            spec is None
+            or setting is None
+            or any(_same_setting(spec, other) for other in swept_axes)
+        ):
             continue
         own = setting if place is None else as_vector(setting)[place]
         # A solref in direct form has no time constant.
@@ -88,16 +92,16 @@ def _values_between(values: Sequence[object]) -> list[object]:
 
 def _accepted_values(spec: AxisSpec, own: object, values: Sequence[object]) -> list[object]:
     """Return the accepted values of an axis, once each, numbers in order, always with its own."""
-    taken = list(dict.fromkeys([own, *filter(spec.accepts_value, values)]))
-    if all(isinstance(value, (int, float)) for value in taken):
-        taken.sort(key=as_number)
+    accepted = list(dict.fromkeys([own, *filter(spec.accepts_value, values)]))
+    if all(isinstance(value, (int, float)) for value in accepted):
+        accepted.sort(key=as_number)
     elif spec.choices:
-        taken.sort(key=lambda value: spec.choices.index(str(value)))
+        accepted.sort(key=lambda value: spec.choices.index(str(value)))
     most_values = 33
-    if len(taken) <= most_values:
-        return taken
-    kept = {
-        *np.linspace(0, len(taken) - 1, most_values).astype(int).tolist(),
-        taken.index(own),
+    if len(accepted) <= most_values:
+        return accepted
+    kept_places = {
+        *np.linspace(0, len(accepted) - 1, most_values).astype(int).tolist(),
+        accepted.index(own),
     }
-    return [taken[place] for place in sorted(kept)]
+    return [accepted[place] for place in sorted(kept_places)]

@@ -176,8 +176,8 @@ def stiffen_fields(*fields: str) -> ModelChange:
 
 def stiffen_equalities(model: mujoco.MjModel, _own: mujoco.MjModel) -> None:
     """Double the natural frequency of equalities that no mocap body drives."""
-    kept = ~is_mocap_driven(model)
-    model.eq_solref[kept] = stiffen_solref(model.eq_solref[kept])
+    is_free = ~is_mocap_driven(model)
+    model.eq_solref[is_free] = stiffen_solref(model.eq_solref[is_free])
 
 
 def raise_time_constants(model: mujoco.MjModel, own: mujoco.MjModel) -> None:

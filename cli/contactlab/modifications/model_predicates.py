@@ -185,14 +185,14 @@ def find_shortest_time_constant(model: mujoco.MjModel) -> float:
 
 def find_used_rows(model: mujoco.MjModel, field: str) -> NDArray[np.bool_]:
     """Return which rows of a field of solref anything may use."""
-    used = {
+    is_used = {
         "geom_solref": model.geom_contype | model.geom_conaffinity,
         "jnt_solref": model.jnt_limited,
         "dof_solref": model.dof_frictionloss,
         "tendon_solref_lim": model.tendon_limited,
         "tendon_solref_fri": model.tendon_frictionloss,
     }
-    return np.asarray(used.get(field, np.ones(len(getattr(model, field))))) != 0
+    return np.asarray(is_used.get(field, np.ones(len(getattr(model, field))))) != 0
 
 
 def may_sleep(model: mujoco.MjModel) -> bool:
@@ -229,9 +229,9 @@ def lacks_surroundings(model: mujoco.MjModel) -> bool:
         np.abs(data.xaxis @ model.opt.gravity) > read_gravity(model) / 2
     )
     driven = model.actuator_trnid[model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT), 0]
-    held = (model.jnt_limited != 0) | (model.jnt_stiffness != 0)
-    held[driven] = True
-    falls = (model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)) | (slides & ~held)
+    is_held = (model.jnt_limited != 0) | (model.jnt_stiffness != 0)
+    is_held[driven] = True
+    falls = (model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)) | (slides & ~is_held)
     return bool(falls.any()) and bool(solid.any())
 
 

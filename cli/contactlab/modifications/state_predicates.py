@@ -14,13 +14,13 @@ from contactlab.scene.part_bodies import is_mocap_driven
 
 def has_constraint_force(*kinds: str) -> StatePredicate:
     """Return whether constraints of some kinds push."""
-    wanted = [int(getattr(mujoco.mjtConstraint, f"mjCNSTR_{kind}")) for kind in kinds]
+    constraint_types = [int(getattr(mujoco.mjtConstraint, f"mjCNSTR_{kind}")) for kind in kinds]
 
     def is_loaded(model: mujoco.MjModel, data: mujoco.MjData) -> bool:  # noqa: ARG001
         if not data.nefc:
             return False
         force = np.abs(data.efc_force)
-        own = force[np.isin(data.efc_type, wanted)].max(initial=0)
+        own = force[np.isin(data.efc_type, constraint_types)].max(initial=0)
         return bool(own > COARSE_ROUNDING * force.max())
 
     return is_loaded

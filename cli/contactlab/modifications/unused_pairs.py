@@ -55,8 +55,10 @@ def exclusion_edits(
         for geom in set(chain(*pairs)) - set(chain(*touching))
         if with_masks and not kinds[geom] & flexes
     }
-    left = _body_pairs(model, [pair for pair in pairs if masked.isdisjoint(pair)])
-    excluded = [map(model.body, bodies) for bodies in sorted(left - _body_pairs(model, touching))]
+    remaining_pairs = _body_pairs(model, [pair for pair in pairs if masked.isdisjoint(pair)])
+    excluded = [
+        map(model.body, bodies) for bodies in sorted(remaining_pairs - _body_pairs(model, touching))
+    ]
     names = [(first.name, second.name) for first, second in excluded]
     return ModelEdits(
         masked=tuple(model.geom(geom).name for geom in sorted(masked)),
@@ -75,17 +77,19 @@ def pairs_within(
     wide.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_OVERRIDE)
     wide.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_NATIVECCD)
     wide.geom_margin[:] += distance
-    data, found = mujoco.MjData(wide), set[GeomPair]()
+    data, near_pairs = mujoco.MjData(wide), set[GeomPair]()
     for qpos in chain(*runs):
         data.qpos[:] = qpos
         mujoco.mj_kinematics(wide, data)
         mujoco.mj_comPos(wide, data)
         mujoco.mj_collision(wide, data)
-        found.update(map(tuple, np.sort(data.contact.geom, axis=1).tolist()))
+        near_pairs.update(map(tuple, np.sort(data.contact.geom, axis=1).tolist()))
     if any(data.warning[kind].number for kind in _FULL):
         return None
     unmeasured = np.flatnonzero(model.geom_type == _SDF).tolist()
-    return found | {pair for pair in filtered_pairs(model) if not {*pair}.isdisjoint(unmeasured)}
+    return near_pairs | {
+        pair for pair in filtered_pairs(model) if not {*pair}.isdisjoint(unmeasured)
+    }
 
 
 def _body_pairs(model: mujoco.MjModel, pairs: Sequence[GeomPair]) -> set[tuple[int, int]]:

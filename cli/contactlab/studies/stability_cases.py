@@ -61,18 +61,19 @@ def find_cases(names: Sequence[str] = ()) -> list[StabilityCase]:
     Raises:
         SweepFileError: there is no such case.
     """
-    known = {path.stem: path for path in sorted((resources.SWEEPS / FOLDER).glob("*.yaml"))}
+    case_files = {path.stem: path for path in sorted((resources.SWEEPS / FOLDER).glob("*.yaml"))}
     for name in names:
         shipped = name in resources.scene_names()
-        if name not in known and (shipped or is_menagerie(name) or set(name) & set("./")):
+        if name not in case_files and (shipped or is_menagerie(name) or set(name) & set("./")):
             raise SweepFileError(
                 f"{name}: no case but a model; write `contactlab examine {name} --section labels`"
             )
-        if name not in known:
+        if name not in case_files:
             raise SweepFileError(
-                f"no case '{name}'{did_you_mean(name, known)}; there are {', '.join(known)}"
+                f"no case '{name}'{did_you_mean(name, case_files)}; there are "
+                f"{', '.join(case_files)}"
             )
-    return [StabilityCase(name, known[name]) for name in names or known]
+    return [StabilityCase(name, case_files[name]) for name in names or case_files]
 
 
 def _judge_case_result(

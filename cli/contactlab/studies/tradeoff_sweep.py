@@ -77,8 +77,12 @@ def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
             report, report.recommendation, request.model or Path(folder), store
         )
         robust, _ = _write_choice(report, report.robust, Path(folder), store)
-    found = {"recommendation": chosen, "robust": robust, "notes": (*report.notes, *notes)}
-    return report.model_copy(update={**found, "task": task, "verdict": verdict})
+    recommendation_fields = {
+        "recommendation": chosen,
+        "robust": robust,
+        "notes": (*report.notes, *notes),
+    }
+    return report.model_copy(update={**recommendation_fields, "task": task, "verdict": verdict})
 
 
 def _write_choice(
@@ -104,7 +108,7 @@ def _write_choice(
 def _read_sweep(request: TradeoffRequest, session: Session) -> SweepRequest:
     """Return the sweep, with the measurements that the analysis needs and its file leaves out."""
     path = resources.find_sweep(request.source)
-    read = partial(
+    read_with = partial(
         read_request,
         path,
         path.stem,
@@ -113,7 +117,7 @@ def _read_sweep(request: TradeoffRequest, session: Session) -> SweepRequest:
         workers=session.workers,
         drive=request.task.drive,
     )
-    sweep, criteria, added = read().plan.sweep, request.criteria, list[str | FlagSetting]()
+    sweep, criteria, added = read_with().plan.sweep, request.criteria, list[str | FlagSetting]()
     # Runs against a reference cost more than all others; other errors are measured without them.
     error = criteria.metric or find_error_metric({**sweep.tolerances, **criteria.tolerances})
     if (error is None or error in ERRORS) and sweep.accuracy is None:
@@ -126,4 +130,4 @@ def _read_sweep(request: TradeoffRequest, session: Session) -> SweepRequest:
         added.append("timing.contenders=true")
     if request.task.seeds is not None:
         added.append(FlagSetting(f"seeds={request.task.seeds}", "--seeds"))
-    return read(overrides=Overrides(assign=(*added, *request.task.settings)))
+    return read_with(overrides=Overrides(assign=(*added, *request.task.settings)))

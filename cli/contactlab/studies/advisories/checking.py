@@ -28,7 +28,7 @@ def check_advisories(
         EngineError: a release cannot be installed.
     """
     ordered = sorted(releases, key=numbers_of)
-    found = list[WitnessResult]()
+    results = list[WitnessResult]()
     with temporary_folder() as folder:
         files = {str(Path(folder) / f"{each.id}.yaml"): each for each in advisories}
         for file, advisory in files.items():
@@ -37,26 +37,26 @@ def check_advisories(
         for release in count_steps(ordered, "releases", len(ordered)):
             notify(f"MuJoCo {release}")
             lines = _replay_files(list(files), release, notify)
-            found += [
+            results += [
                 _judge_line(advisory, release, lines[file]) for file, advisory in files.items()
             ]
-    found.sort(key=lambda result: result.advisory)
-    return AdvisoriesCheck(releases=tuple(ordered), results=tuple(found))
+    results.sort(key=lambda result: result.advisory)
+    return AdvisoriesCheck(releases=tuple(ordered), results=tuple(results))
 
 
 def _replay_files(
     files: Sequence[str], release: str, notify: Callable[[str], None]
 ) -> Mapping[str, dict[str, Any]]:
     # The last line of a file counts. A crash ends the process: a new one continues behind it.
-    last, left = dict[str, dict[str, Any]](), list(files)
-    while left:
-        done = run_python(["-P", "-m", _PROCESS, *left], release, notify)
-        texts = (text for text in done.stdout.splitlines() if text.startswith('{"file"'))
+    last, remaining_files = dict[str, dict[str, Any]](), list(files)
+    while remaining_files:
+        process = run_python(["-P", "-m", _PROCESS, *remaining_files], release, notify)
+        texts = (text for text in process.stdout.splitlines() if text.startswith('{"file"'))
         lines = list(map(json.loads, texts))
         last |= {line["file"]: line for line in lines}
-        started = lines[-1]["file"] if lines else left[0]
+        started = lines[-1]["file"] if lines else remaining_files[0]
         last.setdefault(started, {"file": started})
-        left = left[left.index(started) + 1 :]
+        remaining_files = remaining_files[remaining_files.index(started) + 1 :]
     return last
 
 
@@ -68,11 +68,11 @@ def _judge_line(advisory: Advisory, release: str, line: Mapping[str, Any]) -> Wi
         ended = advisory.severity == "crash" or "reason" not in line
         outcome = "crashed" if ended else "not run"
     else:
-        measured = math.nan if line["measured"] is None else float(line["measured"])
-        if abs(measured - witness.right) <= witness.tolerance:
+        result = math.nan if line["measured"] is None else float(line["measured"])
+        if abs(result - witness.right) <= witness.tolerance:
             outcome = "not shown"
         else:
-            shows = fault_share(witness, measured) >= shown_share
+            shows = fault_share(witness, result) >= shown_share
             outcome = "shown" if shows else "unclear"
     return WitnessResult(
         advisory=advisory.id,

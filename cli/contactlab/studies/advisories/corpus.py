@@ -87,10 +87,10 @@ def list_models(names: Sequence[str], folder: Path) -> Iterator[CorpusModel]:
         if name == SCENES:
             yield from (CorpusModel(scene, scene) for scene in resources.scene_names())
         elif name == GENERATED:
-            for made, text in generate_models():
-                file = folder / f"{made}.xml"
+            for model_name, text in generate_models():
+                file = folder / f"{model_name}.xml"
                 file.write_text(text, encoding="utf-8")
-                yield CorpusModel(made, str(file), text)
+                yield CorpusModel(model_name, str(file), text)
         else:
             yield CorpusModel(Path(name).name, name)
 

@@ -70,22 +70,24 @@ def list_differences(
     A saved model says nothing about the steps of the original one. A solution of constraints is
     compared with that of the same release, so contacts may differ before.
     """
-    if found := _find_compiled_difference(first.compiled, second.compiled, ""):
-        yield found
+    if difference := _find_compiled_difference(first.compiled, second.compiled, ""):
+        yield difference
         return
     if isinstance(first.saved, str) or isinstance(second.saved, str):
         refused = isinstance(first.saved, str), isinstance(second.saved, str)
         if refused[0] != refused[1]:
             yield Difference(COMPILER, SAVED, f"{SAVED} is refused", 0, *map(float, refused))
-    elif found := _find_compiled_difference(first.saved, second.saved, SAVED):
-        yield found
+    elif difference := _find_compiled_difference(first.saved, second.saved, SAVED):
+        yield difference
     states = ForwardStates(model, range(len(first.ends)), first.exact, second.exact, first.rounded)
     solved = _find_solver_difference(first, second)
-    if found := states.first_divergence():
-        kind = _name_kind(model, found.quantity)
-        values = (np.nan if value is None else value for value in (found.mujoco, found.engine))
-        stage = STAGES[found.stage]
-        yield Difference(stage, found.quantity, kind, found.step, *values)
+    if difference := states.first_divergence():
+        kind = _name_kind(model, difference.quantity)
+        values = (
+            np.nan if value is None else value for value in (difference.mujoco, difference.engine)
+        )
+        stage = STAGES[difference.stage]
+        yield Difference(stage, difference.quantity, kind, difference.step, *values)
         if solved and stage not in _SOLVED:
             yield solved
         return
@@ -276,8 +278,10 @@ class DifferenceTrials:
             windows = self.first(model.text, states), self.second(model.text, states)
         except (EngineError, ValueError, mujoco.FatalError):
             return None
-        found = (each for each in list_differences(compiled, *windows) if each.key == self.key)
-        return next(((each, *windows) for each in found), None)
+        same_differences = (
+            each for each in list_differences(compiled, *windows) if each.key == self.key
+        )
+        return next(((each, *windows) for each in same_differences), None)
 
 
 def state_of(start: Start, model: mujoco.MjModel) -> State:

@@ -98,7 +98,7 @@ def compare_engines(
     request: FindRequest, session: Session, engines: tuple[Evaluate, Evaluate], record: Record
 ) -> DifferencesReport:
     """Compare two functions that compute windows; see `find_differences`."""
-    found = dict[tuple[str, str], dict[str, _FoundDifference]]()
+    differences_by_key = dict[tuple[str, str], dict[str, _FoundDifference]]()
     refused, compared, states = list[RefusedModel](), 0, 0
     with temporary_folder() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # they are about models, not about differences
@@ -112,15 +112,18 @@ def compare_engines(
                 continue
             compared, states = compared + 1, states + began
             for each in differences:
-                found.setdefault(each.difference.key, {})[member.name] = each
-    ordered = sorted(found, key=lambda key: (_ORDER.index(key[0]), -len(found[key]), key[1]))
+                differences_by_key.setdefault(each.difference.key, {})[member.name] = each
+    ordered = sorted(
+        differences_by_key,
+        key=lambda key: (_ORDER.index(key[0]), -len(differences_by_key[key]), key[1]),
+    )
     files, groups = dict[str, str](), list[DifferenceGroup]()
     for number, key in enumerate(ordered, 1):
         session.notify(f"shrinking {key[0]}: {key[1]}")
         file = f"DRAFT-{number:04d}.yaml"
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            group, text = _report_group(request, key, found[key], engines)
+            group, text = _report_group(request, key, differences_by_key[key], engines)
         files[file] = text
         groups.append(group.model_copy(update={"draft": str(session.folder / file)}))
     session.write(files)
@@ -150,29 +153,29 @@ def _compare_model(
     if not states:
         raise EngineError("no finite state")
     whole = mujoco.MjModel.from_xml_string(flat)
-    listed = list[_FoundDifference]()
+    differences = list[_FoundDifference]()
     for each in list_differences(compiled, *(evaluate(text, states) for evaluate in engines)):
-        found, state = each, states[each.place]
-        if found.stage == INTEGRATION:
+        difference, state = each, states[each.place]
+        if difference.stage == INTEGRATION:
             # A later step of the window may differ in an earlier stage.
             within = record(text, state, range(WINDOW_STEPS))
             windows = (evaluate(text, within) for evaluate in engines)
             closer = next(list_differences(compiled, *windows), None)
             if closer is not None and closer.stage != INTEGRATION:
-                found, state = closer, within[closer.place]
+                difference, state = closer, within[closer.place]
         model = FailingModel(flat, start_at(whole, state), WINDOW_STEPS * run.timestep)
-        listed.append(_FoundDifference(model, text, state, found))
-    return len(states), listed
+        differences.append(_FoundDifference(model, text, state, difference))
+    return len(states), differences
 
 
 def _report_group(
     request: FindRequest,
     key: tuple[str, str],
-    found: dict[str, _FoundDifference],
+    differences: dict[str, _FoundDifference],
     engines: tuple[Evaluate, Evaluate],
 ) -> tuple[DifferenceGroup, str]:
     trials = DifferenceTrials(*engines, key, time.monotonic() + request.seconds)
-    smallest = min(found.values(), key=lambda each: len(each.model.text))
+    smallest = min(differences.values(), key=lambda each: len(each.model.text))
     small = shrink_difference(smallest.model, trials)
     compared = trials.compare_releases(small)
     text, saved = small.text, SAVED in key[1]
@@ -188,7 +191,7 @@ def _report_group(
     group = DifferenceGroup(
         stage=key[0],
         quantity=key[1],
-        models=tuple(found),
+        models=tuple(differences),
         place=difference.quantity,
         first=difference.first,
         second=difference.second,

@@ -58,17 +58,17 @@ def record_states(text: str, start: State, steps: Sequence[int]) -> list[State]:
     model = compile_text(text)
     data = mujoco.MjData(model)
     _set_state(model, data, start)
-    draw, found = np.random.default_rng(0), list[State]()
+    draw, states = np.random.default_rng(0), list[State]()
     limited = np.asarray(model.actuator_ctrllimited).astype(bool)
     low, high = np.where(limited[:, None], model.actuator_ctrlrange, [-0.1, 0.1]).T
-    held = 50  # steps between new controls
+    hold_steps = 50  # steps between new controls
     for step in range(max(steps) + 1):
         if step in steps:
-            found.append({name: np.array(getattr(data, name)) for name in _PARTS})
-        if step % held == held - 1 and len(data.ctrl) == len(low):
+            states.append({name: np.array(getattr(data, name)) for name in _PARTS})
+        if step % hold_steps == hold_steps - 1 and len(data.ctrl) == len(low):
             data.ctrl[:] = draw.uniform(low, high)
         mujoco.mj_step(model, data)
-    return [state for state in found if all(np.isfinite(part).all() for part in state.values())]
+    return [state for state in states if all(np.isfinite(part).all() for part in state.values())]
 
 
 def evaluate_windows(text: str, states: Sequence[State]) -> Windows:
@@ -76,23 +76,25 @@ def evaluate_windows(text: str, states: Sequence[State]) -> Windows:
     model, fine = compile_text(text), compile_text(text)
     finer = 8  # steps of a finer window in one step
     fine.opt.timestep /= finer
-    found: dict[str, list[Any]] = {name: [] for name in Windows._fields}
+    rows_by_field: dict[str, list[Any]] = {name: [] for name in Windows._fields}
     data = mujoco.MjData(model)
     for state in states:
         single = {name: part.astype(np.float32).astype(np.float64) for name, part in state.items()}
         for each, prefix, forward in ((state, "", "exact"), (single, "rounded_", "rounded")):
             _set_state(model, data, each)
-            found[forward].append(read_forward_quantities(model, data))
-            found[f"{prefix}sensors"].append(np.array(data.sensordata))
-            found[f"{prefix}ends"].append(_step_window(model, each, WINDOW_STEPS))
-        found["tight"].append(_solve_tightly(model, state))
-        found["fine_ends"].append(_step_window(fine, state, finer * WINDOW_STEPS))
+            rows_by_field[forward].append(read_forward_quantities(model, data))
+            rows_by_field[f"{prefix}sensors"].append(np.array(data.sensordata))
+            rows_by_field[f"{prefix}ends"].append(_step_window(model, each, WINDOW_STEPS))
+        rows_by_field["tight"].append(_solve_tightly(model, state))
+        rows_by_field["fine_ends"].append(_step_window(fine, state, finer * WINDOW_STEPS))
     by_name: dict[str, Any] = {
-        name: {field: [one[field] for one in found[name]] for field in found[name][0]}
+        name: {
+            field: [one[field] for one in rows_by_field[name]] for field in rows_by_field[name][0]
+        }
         for name in ("exact", "rounded")
     }
     own = {"compiled": _read_compiled(model), "saved": _read_saved(text)}
-    fields: dict[str, Any] = {**found, **by_name, **own}
+    fields: dict[str, Any] = {**rows_by_field, **by_name, **own}
     return Windows(**fields)
 
 

@@ -23,8 +23,8 @@ def main() -> None:
         except AdvisoryError as error:
             print_line(file=file, reason=str(error))
         else:
-            measured = run.measured if math.isfinite(run.measured) else None
-            print_line(file=file, measured=measured, meets=not run.obstacle, reason=run.obstacle)
+            result = run.measured if math.isfinite(run.measured) else None
+            print_line(file=file, measured=result, meets=not run.obstacle, reason=run.obstacle)
 
 
 def print_line(**values: object) -> None:

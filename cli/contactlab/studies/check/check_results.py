@@ -32,8 +32,8 @@ def check_result(
         levels = {measure.level for measure in exceeding(measures)}
         worst: list[CheckVerdict] = [word for level, word in _VERDICTS.items() if level in levels]
         verdict = worst[0] if worst else "pass"
-        told = sorted(limited(measures), key=lambda group: not exceeding(group))
-        reason = "; ".join(in_words(worst_of(group)) for group in told)
+        groups = sorted(limited(measures), key=lambda group: not exceeding(group))
+        reason = "; ".join(in_words(worst_of(group)) for group in groups)
     return CheckResult(
         name=name,
         question=question,

@@ -31,7 +31,7 @@ def judged_findings(results: Sequence[CheckResult], waivers: Sequence[Waiver]) -
     Raises:
         PolicyError: a waiver names a finding of no check.
     """
-    found = [finding for result in results for finding in findings_of(result)]
-    known = {*LIMITS, *(name for check in CHECKS.values() for name in check.findings)}
-    judged = apply_waivers(found, waivers, datetime.now(UTC).date(), known)
-    return sorted(judged, key=lambda finding: ORDER.index(finding.outcome))
+    all_findings = [finding for result in results for finding in findings_of(result)]
+    known_names = {*LIMITS, *(name for check in CHECKS.values() for name in check.findings)}
+    waived = apply_waivers(all_findings, waivers, datetime.now(UTC).date(), known_names)
+    return sorted(waived, key=lambda finding: ORDER.index(finding.outcome))

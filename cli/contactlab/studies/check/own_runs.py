@@ -98,11 +98,11 @@ def check_requirements(checked: CheckedModel) -> Measured:
 )
 def check_inertia(checked: CheckedModel) -> Measured:
     """Judge the mass and inertia of each body that moves, as written and as simulated."""
-    written = scene_inertia_faults(
+    written_faults = scene_inertia_faults(
         checked.scene.source, checked.resolved.structure, checked.base.model
     )
-    found = (*inertia_faults(checked.prepared.model), *written)
-    faults = {(fault.body, fault.kind): fault for fault in found}.values()
+    all_faults = (*inertia_faults(checked.prepared.model), *written_faults)
+    faults = {(fault.body, fault.kind): fault for fault in all_faults}.values()
     impossible = [
         Measure(
             name=f"inertia_{fault.kind}",

@@ -52,16 +52,16 @@ def diff_models(before: str, after: str, tolerance: float = DEFAULT_TOLERANCE) -
         begin_step("reading the models")
         scenes = [find_model_scene(reference) for reference in (before, after)]
         one, other = (scene.base({}).model for scene in scenes)
-        found = match_parts(one, other)
+        matched_parts = match_parts(one, other)
         begin_step("comparing their motion")
-        motion, no_motion_reason = motion_change(scenes[0], one, other, found)
+        motion, no_motion_reason = motion_change(scenes[0], one, other, matched_parts)
     return DiffReport(
         mujoco=VERSION,
         before=before,
         after=after,
         tolerance=tolerance,
-        matched={kind: len(both) for kind, both in found.both.items()},
-        differences=tuple(find_differences(one, other, tolerance, found)),
+        matched={kind: len(both) for kind, both in matched_parts.both.items()},
+        differences=tuple(find_differences(one, other, tolerance, matched_parts)),
         motion=motion,
         no_motion_reason=no_motion_reason,
     )
@@ -87,22 +87,24 @@ def summarize_changes(before: str, after: str) -> tuple[list[str], set[str]]:
     except ContactlabError as error:
         return [f"the model; it cannot be compared here: {error}"], set()
     alike = dict[tuple[str, ...], list[Difference]]()
-    for found in find_differences(one, other):
-        factor = _common_factor(found.before, found.after)
-        change = (factor,) if factor else (found.before, found.after)
+    for changes in find_differences(one, other):
+        factor = _common_factor(changes.before, changes.after)
+        change = (factor,) if factor else (changes.before, changes.after)
         if not all(change):
-            change = ("gone" if found.before else "new",)
-        alike.setdefault((found.kind, found.quantity, found.unit, *change), []).append(found)
+            change = ("gone" if changes.before else "new",)
+        alike.setdefault((changes.kind, changes.quantity, changes.unit, *change), []).append(
+            changes
+        )
     sentences = list[str]()
-    for (kind, quantity, _, *change), found in alike.items():
-        parts = f"{len(found)} {OBJECT_LISTS.get(kind, f'{kind}s')}"
-        if len(found) == 1:
-            sentences.append(found[0].sentence)
-        elif not (found[0].before and found[0].after):
-            names = ", ".join(each.name for each in found[:3]) + ", ..." * (len(found) > 3)
+    for (kind, quantity, _, *change), changes in alike.items():
+        parts = f"{len(changes)} {OBJECT_LISTS.get(kind, f'{kind}s')}"
+        if len(changes) == 1:
+            sentences.append(changes[0].sentence)
+        elif not (changes[0].before and changes[0].after):
+            names = ", ".join(each.name for each in changes[:3]) + ", ..." * (len(changes) > 3)
             sentences.append(f"{parts} are {change[0]}: {names}")
-        elif len({(each.before, each.after) for each in found}) == 1:
-            sentences.append(_shared_sentence(parts, found[0]))
+        elif len({(each.before, each.after) for each in changes}) == 1:
+            sentences.append(_shared_sentence(parts, changes[0]))
         else:
             sentences.append(f"{parts}: {quantity} x{change[0]}")
     return sentences, {quantity for _, quantity, *_ in alike}
@@ -114,28 +116,28 @@ def _common_factor(before: str, after: str) -> str:
         one, other = (np.array(text.split(), dtype=float) for text in (before, after))
     except ValueError:
         return ""
-    known = one != 0
-    if one.shape != other.shape or not known.any() or other[~known].any():
+    is_nonzero = one != 0
+    if one.shape != other.shape or not is_nonzero.any() or other[~is_nonzero].any():
         return ""
-    ratios = other[known] / one[known]
+    ratios = other[is_nonzero] / one[is_nonzero]
     rounding = 1e-4  # of numbers that are printed with six digits
     if np.ptp(ratios) > rounding * abs(ratios).max():
         return ""
     return f"{np.median(ratios):.4g}"
 
 
-def _shared_sentence(parts: str, found: Difference) -> str:
-    return found.model_copy(update={"kind": parts, "name": ""}).sentence
+def _shared_sentence(parts: str, difference: Difference) -> str:
+    return difference.model_copy(update={"kind": parts, "name": ""}).sentence
 
 
 def find_differences(
     one: mujoco.MjModel,
     other: mujoco.MjModel,
     tolerance: float = DEFAULT_TOLERANCE,
-    found: MatchedParts | None = None,
+    matched_parts: MatchedParts | None = None,
 ) -> Iterator[Difference]:
     """Yield the differences of two compiled models above a tolerance."""
-    found = found or match_parts(one, other)
+    matched_parts = matched_parts or match_parts(one, other)
 
     for name in OPTIONS:
         before, after = read_option(one, name), read_option(other, name)
@@ -161,19 +163,22 @@ def find_differences(
                 relative_change=None,
             )
 
-    for kind, listed in QUANTITIES.items():
-        for before, after in found.both[kind]:
+    for kind, quantities in QUANTITIES.items():
+        for before, after in matched_parts.both[kind]:
             if kind == "geom" and not (_has_contacts(one, before) or _has_contacts(other, after)):
                 continue
-            yield from _part_differences((one, other), kind, (before, after), listed, tolerance)
-        for model, ids, is_new in ((one, found.gone, False), (other, found.new, True)):
+            yield from _part_differences((one, other), kind, (before, after), quantities, tolerance)
+        for model, ids, is_new in (
+            (one, matched_parts.gone, False),
+            (other, matched_parts.new, True),
+        ):
             for index in ids[kind]:
                 if kind != "geom" or _has_contacts(model, index):
                     yield _one_sided_difference(model, kind, index, is_new=is_new)
     yield from _set_differences("exclude", _excluded_pairs(one), _excluded_pairs(other))
     yield from _sensor_differences(one, other)
-    names = {after: name_of(one, "body", before) for before, after in found.both["body"]}
-    own = {before: name_of(one, "body", before) for before, _ in found.both["body"]}
+    names = {after: name_of(one, "body", before) for before, after in matched_parts.both["body"]}
+    own = {before: name_of(one, "body", before) for before, _ in matched_parts.both["body"]}
     yield from _set_differences(
         "filter", *(_touching_pairs(one, own), _touching_pairs(other, names))
     )
@@ -183,7 +188,7 @@ def _part_differences(
     models: tuple[mujoco.MjModel, mujoco.MjModel],
     kind: str,
     ids: tuple[int, int],
-    listed: tuple[Quantity, ...],
+    quantities: tuple[Quantity, ...],
     tolerance: float,
 ) -> Iterator[Difference]:
     owners = {"body": None, "joint": models[0].jnt_bodyid, "geom": models[0].geom_bodyid}
@@ -197,7 +202,7 @@ def _part_differences(
         inside = body_reaches(models[0])[body]
         away = float(np.linalg.norm(models[0].body_pos[body]))
         length = float(max(least, inside, away))
-    for quantity in listed:
+    for quantity in quantities:
         before, after = (
             quantity.reader(model, index) for model, index in zip(models, ids, strict=True)
         )
@@ -220,21 +225,21 @@ def _one_sided_difference(
     """Return the difference of a part that is in one model only."""
     first = _MAIN_QUANTITY.get(kind)
     quantity = next((one for one in QUANTITIES[kind] if one.name == first), QUANTITIES[kind][0])
-    told = format_value(quantity.reader(model, index))
+    value_text = format_value(quantity.reader(model, index))
     return Difference(
         kind=kind,
         name=name_of(model, kind, index),
         quantity=quantity.name,
-        before="" if is_new else told,
-        after=told if is_new else "",
+        before="" if is_new else value_text,
+        after=value_text if is_new else "",
         unit=quantity.unit,
         relative_change=None,
     )
 
 
 def _has_contacts(model: mujoco.MjModel, geom: int) -> bool:
-    listed = np.isin(geom, [model.pair_geom1, model.pair_geom2])
-    return bool(model.geom_contype[geom] or model.geom_conaffinity[geom] or listed)
+    is_in_pair = np.isin(geom, [model.pair_geom1, model.pair_geom2])
+    return bool(model.geom_contype[geom] or model.geom_conaffinity[geom] or is_in_pair)
 
 
 def _excluded_pairs(model: mujoco.MjModel) -> set[str]:
@@ -280,13 +285,13 @@ def _set_differences(kind: str, before: set[str], after: set[str]) -> Iterator[D
     """Yield pairs of bodies that are in one model only."""
     words = {"exclude": ("listed", ""), "filter": ("can touch", "cannot touch")}[kind]
     for name in sorted(before ^ after):
-        told = words if name in before else words[::-1]
+        state_words = words if name in before else words[::-1]
         yield Difference(
             kind=kind,
             name=name,
             quantity="bodies",
-            before=told[0],
-            after=told[1],
+            before=state_words[0],
+            after=state_words[1],
             relative_change=None,
         )
 
@@ -295,17 +300,17 @@ def describe_diff(report: DiffReport) -> Document:
     """Describe the differences of two models; the last sentence is the change in motion."""
     rows = [
         (
-            found.kind,
-            found.name,
-            found.quantity,
-            found.before or "none",
-            found.after or "none",
-            found.unit,
+            difference.kind,
+            difference.name,
+            difference.quantity,
+            difference.before or "none",
+            difference.after or "none",
+            difference.unit,
             ""
-            if found.relative_change is None
-            else format_amount(found.relative_change, "%", digits=3),
+            if difference.relative_change is None
+            else format_amount(difference.relative_change, "%", digits=3),
         )
-        for found in report.differences
+        for difference in report.differences
     ]
     header = ("kind", "name", "quantity", "before", "after", "unit", "change")
     parts = ", ".join(

@@ -36,11 +36,11 @@ def match_parts(one: mujoco.MjModel, other: mujoco.MjModel) -> MatchedParts:
         types = _part_types(one, kind, field), _part_types(other, kind, field)
         both[kind] = _by_name_then_type(_part_names(one, kind), _part_names(other, kind), types)
     same = dict(geoms)
-    listed = zip(one.pair_geom1.tolist(), one.pair_geom2.tolist(), strict=True)
-    ours = [frozenset(same.get(geom, -1) for geom in pair) for pair in listed]
-    listed = zip(other.pair_geom1.tolist(), other.pair_geom2.tolist(), strict=True)
+    geom_pairs = zip(one.pair_geom1.tolist(), one.pair_geom2.tolist(), strict=True)
+    ours = [frozenset(same.get(geom, -1) for geom in pair) for pair in geom_pairs]
+    geom_pairs = zip(other.pair_geom1.tolist(), other.pair_geom2.tolist(), strict=True)
     both["pair"] = _by_name_then_type(
-        _part_names(one, "pair"), _part_names(other, "pair"), (ours, [*map(frozenset, listed)])
+        _part_names(one, "pair"), _part_names(other, "pair"), (ours, [*map(frozenset, geom_pairs)])
     )
     counts = {kind: (len(_part_names(one, kind)), len(_part_names(other, kind))) for kind in both}
     return MatchedParts(
@@ -83,29 +83,35 @@ def _by_name_then_type(
 
     Each level has a property of the parts of both models, the strictest first.
     """
-    known = {name: place for place, name in enumerate(others) if name}
-    found = {place: known[name] for place, name in enumerate(ones) if name in known}
-    left = _remaining_parts(range(len(ones)), found)
-    free = _remaining_parts(range(len(others)), found.values())
+    places_by_name = {name: place for place, name in enumerate(others) if name}
+    matches = {
+        place: places_by_name[name] for place, name in enumerate(ones) if name in places_by_name
+    }
+    unmatched = _remaining_parts(range(len(ones)), matches)
+    free = _remaining_parts(range(len(others)), matches.values())
     for own, others_own in levels:
-        for place in [place for place in left if place not in found]:
+        for place in [place for place in unmatched if place not in matches]:
             same = next((b for b in free if others_own[b] == own[place]), None)
             if same is not None:
-                found[place] = same
+                matches[place] = same
                 free.remove(same)
-    return sorted(found.items())
+    return sorted(matches.items())
 
 
 def _match_bodies(one: mujoco.MjModel, other: mujoco.MjModel) -> list[tuple[int, int]]:
     """Match bodies by name, then the remaining ones by parent and joints, in order."""
     world = 0
-    found = {world: world}
+    matches = {world: world}
     names, others = _part_names(one, "body"), _part_names(other, "body")
-    known = {name: body for body, name in enumerate(others) if name and body}
-    found |= {body: known[name] for body, name in enumerate(names) if body and name in known}
-    free = _remaining_parts(range(other.nbody), found.values())
-    for body in _remaining_parts(range(one.nbody), found):
-        parent = found.get(int(one.body_parentid[body]))
+    bodies_by_name = {name: body for body, name in enumerate(others) if name and body}
+    matches |= {
+        body: bodies_by_name[name]
+        for body, name in enumerate(names)
+        if body and name in bodies_by_name
+    }
+    free = _remaining_parts(range(other.nbody), matches.values())
+    for body in _remaining_parts(range(one.nbody), matches):
+        parent = matches.get(int(one.body_parentid[body]))
         same = next(
             (
                 child
@@ -116,9 +122,9 @@ def _match_bodies(one: mujoco.MjModel, other: mujoco.MjModel) -> list[tuple[int,
             None,
         )
         if same is not None:
-            found[body] = same
+            matches[body] = same
             free.remove(same)
-    return sorted(found.items())
+    return sorted(matches.items())
 
 
 def _joint_types(model: mujoco.MjModel, body: int) -> list[int]:

@@ -45,16 +45,16 @@ class _SharedIndices(NamedTuple):
 
 
 def motion_change(
-    scene: Scene, one: mujoco.MjModel, other: mujoco.MjModel, found: MatchedParts
+    scene: Scene, one: mujoco.MjModel, other: mujoco.MjModel, matched_parts: MatchedParts
 ) -> tuple[MotionChange | None, str]:
     """Return the change in motion between two models, or None and the reason."""
     qpos, qvel = list[tuple[int, int]](), list[tuple[int, int]]()
-    for joint, same in found.both["joint"]:
+    for joint, same in matched_parts.both["joint"]:
         if one.jnt_type[joint] == other.jnt_type[same]:
             wide, turns = {0: (7, 6), 1: (4, 3)}.get(int(one.jnt_type[joint]), (1, 1))
             qpos += _index_pairs(one.jnt_qposadr[joint], other.jnt_qposadr[same], wide)
             qvel += _index_pairs(one.jnt_dofadr[joint], other.jnt_dofadr[same], turns)
-    ctrl = [pair for pair in found.both["actuator"] if max(pair) < min(one.nu, other.nu)]
+    ctrl = [pair for pair in matched_parts.both["actuator"] if max(pair) < min(one.nu, other.nu)]
     act = [
         (int(one.actuator_actadr[first]), int(other.actuator_actadr[second]))
         for first, second in ctrl
@@ -62,11 +62,11 @@ def motion_change(
     ]
     mocap = [
         (int(one.body_mocapid[first]), int(other.body_mocapid[second]))
-        for first, second in found.both["body"]
+        for first, second in matched_parts.both["body"]
         if one.body_mocapid[first] >= 0 and other.body_mocapid[second] >= 0
     ]
-    made = (qpos, qvel, ctrl, act, list(found.both["body"]), mocap)
-    places = _SharedIndices(*(np.array(pairs, int).reshape(-1, 2) for pairs in made))
+    index_pairs = (qpos, qvel, ctrl, act, list(matched_parts.both["body"]), mocap)
+    places = _SharedIndices(*(np.array(pairs, int).reshape(-1, 2) for pairs in index_pairs))
     moving = [body for body in judged_bodies(one).tolist() if body in places.bodies[:, 0]]
     if not len(places.qvel) or not moving:
         return None, "no moving body is in both models"
@@ -99,15 +99,17 @@ def _phase_impulses(
     if not windows:
         raise EngineError(f"MuJoCo gave up in the first window of {motion.name}")
     begins = run.begins[windows]
-    kept = np.stack([run.velocity_states[0, begin : begin + run.steps + 2] for begin in begins])
-    path = Observer(model, motion.starts[0], moving, 1)(kept)[0]
-    seen = _follow_windows(motion, begins, run.starts[0, windows], run.steps, other, places, moving)
+    states = np.stack([run.velocity_states[0, begin : begin + run.steps + 2] for begin in begins])
+    path = Observer(model, motion.starts[0], moving, 1)(states)[0]
+    velocities = _follow_windows(
+        motion, begins, run.starts[0, windows], run.steps, other, places, moving
+    )
     gravity = float(np.linalg.norm(model.opt.gravity))
     weight = GRAVITY_AS_REAL * gravity * run.steps * step
     real = (paths(path[:, :-1]) + weight).sum(axis=0)
     if windows[0] == 0:
         real += np.linalg.norm(path[0, 0], axis=-1)
-    return defects(path[:, -3:], seen).sum(axis=0), real
+    return defects(path[:, -3:], velocities).sum(axis=0), real
 
 
 def _follow_windows(
@@ -131,19 +133,19 @@ def _follow_windows(
         elapsed += own
     starts, inputs = _restart_second_model(motion, begins, states, np.array(times), other, places)
     restarted = Motion(other, starts, inputs, _INPUTS, motion.name)
-    kept = replay(restarted, len(times) * own, 1).velocity_states
+    own_states = replay(restarted, len(times) * own, 1).velocity_states
     # From the last step that is not past a step of the run before the end.
     first = sum(time + own <= (length - 1) * step * (1 + SUM_ROUNDING) for time in times)
     same = dict(map(tuple, places.bodies.tolist()))
     bodies = np.array([same[body] for body in moving.tolist()])
-    rows = Observer(other, starts[0], bodies, 1)(kept[:, first : len(times) + 1])[0]
+    rows = Observer(other, starts[0], bodies, 1)(own_states[:, first : len(times) + 1])[0]
     # Straight in between, with the window's end in the middle, and its own steps where they fit.
     each_side = max(1, round(step / own))
-    wanted = np.linspace((length - 1) * step, (length + 1) * step, 2 * each_side + 1)
+    instants = np.linspace((length - 1) * step, (length + 1) * step, 2 * each_side + 1)
     own_times = np.array([*times[first:], elapsed])
-    before = np.clip(np.searchsorted(own_times, wanted, "right") - 1, 0, len(own_times) - 2)
+    before = np.clip(np.searchsorted(own_times, instants, "right") - 1, 0, len(own_times) - 2)
     # Rounded, for sums of steps are: at a step of its own it is that step's, to the bit.
-    part = ((wanted - own_times[before]) / own).round(9)[:, None, None]
+    part = ((instants - own_times[before]) / own).round(9)[:, None, None]
     return (1 - part) * rows[:, before] + part * rows[:, before + 1]
 
 
@@ -163,7 +165,7 @@ def _restart_second_model(
     starts = np.empty((len(begins), mujoco.mj_stateSize(other, INTEGRATION)))
     inputs = np.empty((len(begins), len(times), mujoco.mj_stateSize(other, _INPUTS)))
     ahead = (times / motion.model.opt.timestep * (1 + ROUNDING)).astype(int)
-    for start, given, begin, state in zip(starts, inputs, begins, states, strict=True):
+    for start, input_rows, begin, state in zip(starts, inputs, begins, states, strict=True):
         mujoco.mj_setState(motion.model, data, state, INTEGRATION)
         # Copy the state of the first model into the second.
         mujoco.mj_resetData(twin.model, twin)
@@ -182,7 +184,7 @@ def _restart_second_model(
         # Where nothing is stored of each step, the start's own controls and forces act.
         mujoco.mj_setState(motion.model, data, motion.starts[0], INTEGRATION)
         rows = motion.rows(0, begin + ahead)
-        for place, row in enumerate(given):
+        for place, row in enumerate(input_rows):
             if rows is not None:
                 mujoco.mj_setState(motion.model, data, rows[place], motion.spec)
             _copy_inputs(data, twin, places)

@@ -254,5 +254,5 @@ def format_value(value: object) -> str:
     if not numbers.size:
         return "none"
     trimmed = np.trim_zeros(numbers, "b") if numbers.size > 6 else numbers
-    shown = trimmed if trimmed.size else numbers[:1]
-    return " ".join(mjcf_text(float(f"{number:.6g}")) for number in shown.tolist())
+    shown_numbers = trimmed if trimmed.size else numbers[:1]
+    return " ".join(mjcf_text(float(f"{number:.6g}")) for number in shown_numbers.tolist())

@@ -17,7 +17,7 @@ class ConfigurationRows(NamedTuple):
 
 
 def build_sweep(
-    setup: SweepSetup, configurations: Sequence[Values], asked: Mapping[str, object]
+    setup: SweepSetup, configurations: Sequence[Values], more_keys: Mapping[str, object]
 ) -> dict[str, object]:
     """Return a sweep of configurations, as a sweep file has it."""
     rows = [
@@ -33,7 +33,7 @@ def build_sweep(
         "thresholds": dict(setup.thresholds),
         "checks": "none",
         "must": list(setup.must) or None,
-        **asked,
+        **more_keys,
     }
     return {key: value for key, value in sweep.items() if value is not None}
 
@@ -43,18 +43,17 @@ def run_configurations(
     setup: SweepSetup,
     name: str,
     configurations: Sequence[Values],
-    asked: Mapping[str, object],
+    more_keys: Mapping[str, object],
 ) -> list[ConfigurationRows]:
     """Run configurations into a store of this name, or resume it, and return the rows of each.
 
-    Each gives values over those of the setup's base and of a scenario. `asked` has more keys of the
-    sweep.
+    Each gives values over those of the base and of a scenario. `more_keys` are keys of the sweep.
     """
     values = [
         [{**setup.base, **scenario, **own} for scenario in setup.scenarios]
         for own in configurations
     ]
-    sweep = build_sweep(setup, configurations, asked)
+    sweep = build_sweep(setup, configurations, more_keys)
     store, scene = session.run_derived(name, sweep, setup.scenes, resume=True), setup.scene
     stored = {row["run_id"]: row for row in store.table.to_pylist()}
 

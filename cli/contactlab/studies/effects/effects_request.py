@@ -72,14 +72,14 @@ class SweepSetup:
         """Return the setup with recorded runs as scenarios, and others for verification."""
         if (recorded := self.scene.recorded) is None:
             raise SceneError(f"{self.reference}: error {REALITY} needs a scene with a `recording`")
-        drawn = np.random.default_rng(0).permutation(recorded.numbers).tolist()
+        shuffled = np.random.default_rng(0).permutation(recorded.numbers).tolist()
         scenarios = self.scenarios
         if not all(RECORDED_RUN in scenario for scenario in scenarios):
             most_drawn = 24
-            some = drawn[:most_drawn]
+            some = shuffled[:most_drawn]
             scenarios = [{**scenario, RECORDED_RUN: run} for scenario in scenarios for run in some]
-        used = {scenario[RECORDED_RUN] for scenario in scenarios}
-        others = [run for run in drawn if run not in used]
+        used_runs = {scenario[RECORDED_RUN] for scenario in scenarios}
+        others = [run for run in shuffled if run not in used_runs]
         pairs = zip(scenarios, others, strict=False)
         fresh = [{**scenario, RECORDED_RUN: run} for scenario, run in pairs] or scenarios
         tolerances = {REALITY: self.tolerances.get(REALITY, 0.0)}
@@ -88,9 +88,9 @@ class SweepSetup:
 
     def for_written_model(self, reference: str, settings: Values) -> "SweepSetup":
         """Return the setup of a written model, with the same drive."""
-        scene, given = self.scene, self.scenes.drive
-        drive = given or scene.drive.drive
-        folder = self.scenes.drive_folder if given else scene.source.path.parent
+        scene, stated_drive = self.scene, self.scenes.drive
+        drive = stated_drive or scene.drive.drive
+        folder = self.scenes.drive_folder if stated_drive else scene.source.path.parent
         scenes = SceneLoader(self.scenes.folder, drive, folder)
         effects = [EFFECTS[name] for name in settings if name in EFFECTS]
         about = {*settings, *(setting for effect in effects for setting in effect.switch.settings)}
@@ -127,26 +127,26 @@ def read_setup(request: EffectsRequest, *, recordings: bool = False) -> SweepSet
     if not is_sweep:
         # A mistake in a model is not a mistake in a sweep.
         scenes.open(request.source)
-    read = read_sweep(path if is_sweep else sweep_of_scene, scenes.vocabulary)
-    reference, sweep = read.sweep.scene, read.sweep
+    sweep_file = read_sweep(path if is_sweep else sweep_of_scene, scenes.vocabulary)
+    reference, sweep = sweep_file.sweep.scene, sweep_file.sweep
     if request.task.drive is None and sweep.drive is not None:
         scenes = replace(scenes, drive=sweep.drive, drive_folder=folder)
-    asked = [*request.assign, *request.task.settings]
-    assigned, given = read_settings(scenes, reference, asked, ("duration", "must"))
-    axes = read.plan.axes
+    assignments = [*request.assign, *request.task.settings]
+    assigned, assigned_sweep = read_settings(scenes, reference, assignments, ("duration", "must"))
+    axes = sweep_file.plan.axes
     names = [axis.name for axis in axes if axis.role == "scenario"]
-    found: dict[str, Values] = {}
-    for run in read.plan.iterate_runs():
+    scenario_values: dict[str, Values] = {}
+    for run in sweep_file.plan.iterate_runs():
         scenario = {name: run.values[name] for name in names if name in run.values}
-        found.setdefault(json.dumps(scenario, default=str), scenario)
-    scenarios = tuple(found.values())
+        scenario_values.setdefault(json.dumps(scenario, default=str), scenario)
+    scenarios = tuple(scenario_values.values())
     # The verification uses scenarios half way between neighbors, or the same ones.
     middles = [_half_way(first, second) for first, second in pairwise(scenarios)]
     between = tuple(middle for middle in middles if middle not in scenarios)
 
     # Values that the sweep gives to every run, including effects.
     varied = {axis.name for axis in axes if axis.count > 1 or axis.role == "scenario"}
-    first = next(read.plan.iterate_runs()).values
+    first = next(sweep_file.plan.iterate_runs()).values
     fixed = {name: value for name, value in first.items() if name not in varied}
     setup = SweepSetup(
         scenes=scenes,
@@ -155,10 +155,10 @@ def read_setup(request: EffectsRequest, *, recordings: bool = False) -> SweepSet
         scenarios=scenarios,
         fresh_scenarios=between or scenarios,
         seeds=(0,),
-        duration=given.duration or sweep.duration,
+        duration=assigned_sweep.duration or sweep.duration,
         tolerances=sweep.tolerances,
         options=request.task,
         thresholds=sweep.thresholds,
-        must=given.must or sweep.must,
+        must=assigned_sweep.must or sweep.must,
     )
     return setup.compared_with_recordings() if recordings else setup

@@ -37,20 +37,22 @@ class Scenarios:
     def motions(self) -> list[Motion]:
         """The phases of the task in each scenario, of those with the same parts."""
         first = self.models[0].motions
-        found = list(first)
+        all_motions = list(first)
         for number, model in enumerate(self.models[1:], 2):
             own = model.motions
             if _sizes_of(own[0]) == _sizes_of(first[0]):
-                found += [replace(each, name=f"{each.name}, scenario {number}") for each in own]
-        return found
+                all_motions += [
+                    replace(each, name=f"{each.name}, scenario {number}") for each in own
+                ]
+        return all_motions
 
-    def open_written(self, written: WrittenModel, edits: ModelEdits) -> CheckedModel:
+    def open_written(self, written_model: WrittenModel, edits: ModelEdits) -> CheckedModel:
         """Return a written model with the first scenario's settings, except those it has."""
         own = self.models[0]
         if self.setup is not None:
-            setup = self.setup.for_written_model(written.reference, edits.settings)
+            setup = self.setup.for_written_model(written_model.reference, edits.settings)
             return check_scenario(setup, self.setup.scenarios[0], self.session)
-        opened = open_changed_model(written.reference, self.session, self.options)
+        opened = open_changed_model(written_model.reference, self.session, self.options)
         values = {name: value for name, value in own.values.items() if name not in edits.settings}
         return replace(opened, values={**values, **opened.values}, duration=own.duration)
 

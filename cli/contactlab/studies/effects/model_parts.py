@@ -110,10 +110,10 @@ class ModelPart:
 
 def change_model(model: mujoco.MjModel, *changes: InPlaceChange) -> mujoco.MjModel:
     """Return a changed copy of a model."""
-    made = copy.copy(model)
+    changed_copy = copy.copy(model)
     for change in changes:
-        change(made)
-    return made
+        change(changed_copy)
+    return changed_copy
 
 
 def write_features(settings: Settings) -> InPlaceChange:
@@ -181,7 +181,7 @@ def find_parts(
         limits: of time; None for none.
     """
     motions, limits = states.motions, limits or ComparisonLimits()
-    found = [
+    all_parts = [
         *list_model_features(checked, motions[0].model, with_masks=with_masks),
         *_list_collisions(motions, positions, keep, with_masks=with_masks),
         *(
@@ -193,9 +193,9 @@ def find_parts(
         *_list_actuators(checked, motions[0]),
         *_list_sensors(model, keep),
     ]
-    found = [
+    all_parts = [
         replace(part, reason_to_stay=part.reason_to_stay or "--keep") if part.name in keep else part
-        for part in found
+        for part in all_parts
     ]
 
     def is_idle(parts: Sequence[ModelPart]) -> bool:
@@ -205,12 +205,14 @@ def find_parts(
         return states.match_models([change_model(motion.model, *changes) for motion in motions])
 
     idle = [
-        part for part in found if not (part.exercised or part.proof or part.adds or part.assumed)
+        part
+        for part in all_parts
+        if not (part.exercised or part.proof or part.adds or part.assumed)
     ]
     features = [part for part in idle if part.kind == "feature"]
     others = [part for part in idle if part.kind != "feature"]
-    used = [*find_used_parts(features, is_idle), *find_used_parts(others, is_idle)]
-    return [replace(part, exercised=True) if part in used else part for part in found]
+    used_parts = [*find_used_parts(features, is_idle), *find_used_parts(others, is_idle)]
+    return [replace(part, exercised=True) if part in used_parts else part for part in all_parts]
 
 
 def find_used_parts(
@@ -234,9 +236,9 @@ def list_model_features(
     safeguards = find_safeguards()
     for feature in list_features():
         name = feature.name
-        kept = "a safeguard" if name in safeguards else ""
+        reason = "a safeguard" if name in safeguards else ""
         if name == _SLEEP and may_sleep(model):
-            yield _add_feature(feature, kept)
+            yield _add_feature(feature, reason)
         if name in _OF_RECORDING | _OF_PARTS or not _has_feature(feature, model, states["all"]):
             continue
         state = states["auto"].get(name)
@@ -247,11 +249,11 @@ def list_model_features(
             if effect.kind == "physical" and effect.switch.flag is not None:
                 continue
         if name == "contact" and proof and with_masks:
-            kept = ""
+            reason = ""
         settings = feature.settings_without(model)
         edits = ModelEdits(dict(settings))
         yield ModelPart(
-            "feature", name, edits, write_features(settings), proof=proof, reason_to_stay=kept
+            "feature", name, edits, write_features(settings), proof=proof, reason_to_stay=reason
         )
     if flags := unused_flags(checked.scene.source.model):
         edits = ModelEdits(unflagged=flags)
@@ -279,10 +281,10 @@ def _has_feature(feature: Feature, model: mujoco.MjModel, on: dict[str, EffectSt
     return bool(feature.settings_without(model))
 
 
-def _add_feature(feature: Feature, kept: str) -> ModelPart:
+def _add_feature(feature: Feature, reason: str) -> ModelPart:
     edits, change = ModelEdits(dict(feature.on)), write_features(feature.on)
     return ModelPart(
-        "feature", feature.name, edits, change, exercised=True, reason_to_stay=kept, adds=True
+        "feature", feature.name, edits, change, exercised=True, reason_to_stay=reason, adds=True
     )
 
 
@@ -316,16 +318,18 @@ def _list_collisions(
     with_masks: bool,
 ) -> Iterator[ModelPart]:
     own, touching = motions[0].model, _find_touching(motions)
-    listed = [
+    listed_pairs = [
         (min(pair), max(pair))
         for pair in zip(own.pair_geom1.tolist(), own.pair_geom2.tolist(), strict=True)
     ]
     filtered = filtered_pairs(own)
-    wanted = [pair for pair in dict.fromkeys([*filtered, *listed]) if not _is_kept(own, pair, keep)]
-    apart = unreachable_pairs(own, wanted, positions)
-    far = [number for number, pair in enumerate(listed) if pair in apart]
+    candidate_pairs = [
+        pair for pair in dict.fromkeys([*filtered, *listed_pairs]) if not _is_kept(own, pair, keep)
+    ]
+    apart = unreachable_pairs(own, candidate_pairs, positions)
+    far = [number for number, pair in enumerate(listed_pairs) if pair in apart]
     edits = exclusion_edits(own, filtered, [*apart], with_masks=with_masks)
-    reached = {geom for pair in listed if pair not in apart for geom in pair}
+    reached = {geom for pair in listed_pairs if pair not in apart for geom in pair}
     ids = [own.geom(name).id for name in edits.masked if name not in keep]
     ids = [geom for geom in ids if geom not in reached]
     words = geom_names_by_address(own)
@@ -342,19 +346,19 @@ def _list_collisions(
             recompiles=True,
             members=names,
         )
-    left = [number for number in far if not {*listed[number]} & {*ids}]
-    if left:
-        names = tuple(name_of(own, "pair", number) for number in left)
+    removable = [number for number in far if not {*listed_pairs[number]} & {*ids}]
+    if removable:
+        names = tuple(name_of(own, "pair", number) for number in removable)
         yield ModelPart(
             "pair",
             _count_parts(names, "explicit pairs"),
             ModelEdits(pairs=names),
-            _stop_pairs(left),
+            _stop_pairs(removable),
             proof=f"their geoms {_CANNOT_TOUCH}",
             recompiles=True,
             members=names,
         )
-    for number, pair in enumerate(listed):
+    for number, pair in enumerate(listed_pairs):
         if number not in far:
             name = name_of(own, "pair", number)
             yield ModelPart(
@@ -367,7 +371,7 @@ def _list_collisions(
             )
     geoms = {geom for pair in touching for geom in pair}
     colliding = _find_removal("geom").find_parts(own)
-    for geom in sorted({*colliding, *(geom for pair in listed for geom in pair)} - {*ids}):
+    for geom in sorted({*colliding, *(geom for pair in listed_pairs for geom in pair)} - {*ids}):
         name = name_of(own, "geom", geom)
         part = _leave_out_geoms(own, [geom], "")
         yield replace(
@@ -391,12 +395,12 @@ def _list_far_pairs(
     distance = requested or offered
     assert distance
     filtered = filtered_pairs(model)
-    wanted = [pair for pair in filtered if not _is_kept(model, pair, keep)]
-    near = pairs_within(model, positions, distance) if wanted else None
+    candidate_pairs = [pair for pair in filtered if not _is_kept(model, pair, keep)]
+    near = pairs_within(model, positions, distance) if candidate_pairs else None
     if near is None:
         return
-    proved = unreachable_pairs(model, wanted, positions)
-    apart = [pair for pair in wanted if pair not in near]
+    proved = unreachable_pairs(model, candidate_pairs, positions)
+    apart = [pair for pair in candidate_pairs if pair not in near]
     edits = exclusion_edits(model, filtered, apart, with_masks=with_masks)
     if not (edits.masked or edits.excluded) or {*apart} <= {*proved}:
         return
@@ -454,7 +458,7 @@ def _stop_pairs(pairs: Sequence[int]) -> InPlaceChange:
 
 def _find_touching(motions: Sequence[Motion]) -> set[tuple[int, int]]:
     # Pairs of geoms with a contact in any step of any seed.
-    found = set[tuple[int, int]]()
+    touching_pairs = set[tuple[int, int]]()
     for motion in motions:
         model = without_sensors(motion.model)
         data = mujoco.MjData(model)
@@ -467,8 +471,8 @@ def _find_touching(motions: Sequence[Motion]) -> set[tuple[int, int]]:
                 mujoco.mj_step(model, data)
                 if data.ncon:
                     geoms = np.sort(data.contact.geom[data.contact.exclude == 0], axis=1)
-                    found.update(map(tuple, geoms.tolist()))
-    return found
+                    touching_pairs.update(map(tuple, geoms.tolist()))
+    return touching_pairs
 
 
 def _list_limits_and_tendons(motions: Sequence[Motion], keep: Sequence[str]) -> Iterator[ModelPart]:
@@ -548,9 +552,9 @@ def _list_actuators(checked: CheckedModel, motion: Motion) -> Iterator[ModelPart
         name = name_of(model, "actuator", actuator)
         change = _zero_fields(actuator, _find_removal("actuator").fields)
         way = float(moves[actuator])
-        kept = f"moves its joint by {way:.2g}" if way > ENCODER_ANGLE else "a safeguard"
+        reason = f"moves its joint by {way:.2g}" if way > ENCODER_ANGLE else "a safeguard"
         moved = way > ENCODER_ANGLE
-        yield ModelPart("actuator", name, None, change, exercised=moved, reason_to_stay=kept)
+        yield ModelPart("actuator", name, None, change, exercised=moved, reason_to_stay=reason)
 
 
 def find_moving_actuators(motion: Motion, threads: int) -> Floats:
@@ -563,7 +567,7 @@ def find_moving_actuators(motion: Motion, threads: int) -> Floats:
     if not model.nu:
         return ways
     run = build_tracking_runs(motion, motion, range(model.nu))[0].original
-    held = hold_inputs(motion, TRACKING_SECONDS, lambda own: own)
-    still = replace(held, starts=held.starts[:1], inputs=held.inputs[:1])
+    held_motion = hold_inputs(motion, TRACKING_SECONDS, lambda own: own)
+    still = replace(held_motion, starts=held_motion.starts[:1], inputs=held_motion.inputs[:1])
     excited, unmoved = (visit_states(each, threads)[:, :-1, : model.nq] for each in (run, still))
     return np.nan_to_num(np.abs(excited - unmoved)).max(axis=(1, 2))

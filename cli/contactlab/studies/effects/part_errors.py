@@ -33,7 +33,7 @@ class PartErrors:
         """Return the error without some parts, or the larger one of those that are added."""
         left_out = [part for part in parts if not part.adds]
         added = [self._measure_added(part) for part in parts if part.adds]
-        found = list[ErrorEstimate](added)
+        estimates = list[ErrorEstimate](added)
         if left_out:
 
             def make_without(model: mujoco.MjModel) -> mujoco.MjModel:
@@ -42,8 +42,8 @@ class PartErrors:
                     part.change(changed)
                 return changed
 
-            found.append(self.reference.error_against(make_without, self.same))
-        return max(found, key=lambda estimate: estimate.error)
+            estimates.append(self.reference.error_against(make_without, self.same))
+        return max(estimates, key=lambda estimate: estimate.error)
 
     def _measure_added(self, part: ModelPart) -> ErrorEstimate:
         # Windows begin awake, so that only whole runs show sleep.

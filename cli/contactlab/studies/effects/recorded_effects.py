@@ -138,9 +138,9 @@ def study_recordings(request: EffectsRequest, session: Session) -> EffectsReport
     changes = [compare_distances(base, other, tolerance) for other in others]
     reference = TaskReference.run_references(checked.motions, 1, checked.threads)
     reference.velocities_around(build_reference_model)
-    written = compile_changed(checked, ModelEdits())
-    clock = Clock(reference, written)
-    ratios = clock.time_ratios([(change_model(written, part.change), 1) for part in features])
+    written_model = compile_changed(checked, ModelEdits())
+    clock = Clock(reference, written_model)
+    ratios = clock.time_ratios([(change_model(written_model, part.change), 1) for part in features])
     rows = [
         PartEffect(
             kind=part.kind,
@@ -203,13 +203,15 @@ def _measure_distances(
     session: Session, setup: SweepSetup, name: str, values: Sequence[Mapping[str, object]]
 ) -> list[Distances]:
     # The distance of a recorded run is the mean over its seeds.
-    asked = {
+    sweep_keys = {
         "description": "Features of a scene, against its recorded runs",
         "tolerances": dict(setup.tolerances),
         "trace": "none",
     }
-    found = run_configurations(session, setup, name, values, asked)
-    return [[_mean_distance(rows) for rows in configuration.rows] for configuration in found]
+    configurations = run_configurations(session, setup, name, values, sweep_keys)
+    return [
+        [_mean_distance(rows) for rows in configuration.rows] for configuration in configurations
+    ]
 
 
 def _mean_distance(rows: Sequence[Mapping[str, object]]) -> float | None:
@@ -237,22 +239,28 @@ def _write_chosen(
     base, other = _measure_distances(session, fresh, _FRESH, [{}, dict(edits.settings)])
     change = compare_distances(base, other, tolerance)
     names = ", ".join(f"{'add' if part.adds else 'without'} {part.name}" for part in chosen)
-    measured = f"{len(base)} other recorded runs: distance {change.mean:.3g} {change.change:+.3g}"
+    distance_text = (
+        f"{len(base)} other recorded runs: distance {change.mean:.3g} {change.change:+.3g}"
+    )
     if change.is_farther:
-        return None, f"No change: {names} fails on {measured}"
-    written, own = write_model(checked.scene, edits, *place), session.folder.resolve()
-    made = change_model(compile_changed(checked, ModelEdits()), *(part.change for part in chosen))
-    (ratio,) = clock.time_ratios([(made, 1)])
+        return None, f"No change: {names} fails on {distance_text}"
+    written_model, own = write_model(checked.scene, edits, *place), session.folder.resolve()
+    smaller_model = change_model(
+        compile_changed(checked, ModelEdits()), *(part.change for part in chosen)
+    )
+    (ratio,) = clock.time_ratios([(smaller_model, 1)])
     smaller = SmallerModel(
         left_out=tuple(part.name for part in chosen if not part.adds),
         added=tuple(part.name for part in chosen if part.adds),
         error=change.share,
         time_ratio=ratio,
         file=str(
-            written.path.relative_to(own) if written.path.is_relative_to(own) else written.path
+            written_model.path.relative_to(own)
+            if written_model.path.is_relative_to(own)
+            else written_model.path
         ),
-        lines=written.lines,
+        lines=written_model.lines,
         verified=None,
-        sentence=measured,
+        sentence=distance_text,
     )
     return smaller, f"The recordings call for: {names}, at {ratio.text} of the time"

@@ -94,34 +94,34 @@ class SmallerSearch:
                 assert part.edits
                 edits = edits.joined_with(part.edits)
             try:
-                made = self._compile_without(edits, parts)
-                (cost,) = self.clock.count_costs([(made, 1)])
+                smaller_model = self._compile_without(edits, parts)
+                (cost,) = self.clock.count_costs([(smaller_model, 1)])
                 if cost > 1 - LEAST_SAVING:
                     return None
-                written = write_model(
+                written_model = write_model(
                     self._original_model.scene, edits, self._written_folder, self._written_name
                 )
             except SceneError as refused:
                 self._put_back(chosen, str(refused).splitlines()[0])
                 continue
-            changed = self.scenarios.open_written(written, edits)
+            changed = self.scenarios.open_written(written_model, edits)
             verified, sentence, passed = self._verify_model(changed)
             sentence += self._describe_shortening() if passed else ""
             if passed:
-                timed = self._time_whole_runs(made)
-                if timed.is_greater():
-                    self._discard_files(written)
+                time_ratio = self._time_whole_runs(smaller_model)
+                if time_ratio.is_greater():
+                    self._discard_files(written_model)
                     return None
                 return SmallerModel(
                     left_out=tuple(part.name for part in parts),
                     error=error.error if error else 0.0,
-                    time_ratio=timed,
-                    file=self._file_of(written),
-                    lines=written.lines,
+                    time_ratio=time_ratio,
+                    file=self._file_of(written_model),
+                    lines=written_model.lines,
                     verified=verified,
                     sentence=sentence,
                 )
-            self._discard_files(written)
+            self._discard_files(written_model)
             if self.is_late:
                 # Nothing but equal bits can be verified in no time.
                 lossy = [one for one in chosen if not one.part.proof]
@@ -142,16 +142,16 @@ class SmallerSearch:
     def _written_name(self) -> str:
         return "" if self.write is None else self.write.name
 
-    def _file_of(self, written: WrittenModel) -> str:
-        path = written.path
+    def _file_of(self, written_model: WrittenModel) -> str:
+        path = written_model.path
         own = self.session.folder.resolve()
         return str(path.relative_to(own)) if path.is_relative_to(own) else str(path)
 
-    def _discard_files(self, written: WrittenModel) -> None:
+    def _discard_files(self, written_model: WrittenModel) -> None:
         if self.write is None:
             rmtree(self._written_folder, ignore_errors=True)
             return
-        for path in (written.path, written.path.with_suffix(".patch")):
+        for path in (written_model.path, written_model.path.with_suffix(".patch")):
             path.unlink(missing_ok=True)
 
     def _put_back(self, chosen: list[MeasuredPart], reason: str) -> None:
@@ -187,10 +187,12 @@ class SmallerSearch:
 
     def _describe_shortening(self) -> str:
         task, (seeds, share) = self._original_model.task, self._panel_size
-        left = [f"{seeds} of {len(task.seeds)} seeds"] if seeds < len(task.seeds) else []
+        shortenings = [f"{seeds} of {len(task.seeds)} seeds"] if seeds < len(task.seeds) else []
         if share < 1:
-            left.append(f"runs of {share * task.duration:.2g} s for {task.duration:g} s")
-        return f"; {' and '.join(left)}, since --max-time allows no more" if left else ""
+            shortenings.append(f"runs of {share * task.duration:.2g} s for {task.duration:g} s")
+        return (
+            f"; {' and '.join(shortenings)}, since --max-time allows no more" if shortenings else ""
+        )
 
     def _verify_model(self, changed: CheckedModel) -> tuple[VerifiedChange | None, str, bool]:
         # There are no measures if each bit of the motion is equal.
@@ -212,22 +214,28 @@ class SmallerSearch:
             find_time_left=lambda: self.time_limit.remaining,
         )
         try:
-            found = verify_change(request)
+            verified_change = verify_change(request)
         except EngineError as error:
             return None, str(error).splitlines()[0], False
-        self.is_late = found.passed and found.ended_early
-        return found, found.sentence, found.passed and not found.ended_early
+        self.is_late = verified_change.passed and verified_change.ended_early
+        return (
+            verified_change,
+            verified_change.sentence,
+            verified_change.passed and not verified_change.ended_early,
+        )
 
     def _moves_alike(self, changed: CheckedModel) -> bool:
         seeds, threads = self._panel_size[0], self._original_model.threads
         own = KnownStates([*_load_motions(self._original_model, seeds)], threads)
         return own.match_motions([*_load_motions(changed, seeds)])
 
-    def _time_whole_runs(self, made: mujoco.MjModel) -> TimeRatio:
+    def _time_whole_runs(self, smaller_model: mujoco.MjModel) -> TimeRatio:
         timing_share = 0.3  # of the remaining time, for the written model
         least = (1 - timing_share) * self.time_limit.remaining
         (ratio,) = self.clock.time_whole_runs(
-            [(made, 1)], self._list_tasks(), lambda: self.time_limit.remaining > max(0.0, least)
+            [(smaller_model, 1)],
+            self._list_tasks(),
+            lambda: self.time_limit.remaining > max(0.0, least),
         )
         return ratio
 

@@ -52,17 +52,17 @@ def run_panel(request: PanelRequest, session: Session) -> EnginePanel:
     """
     for name in request.tasks:
         SweepFileError.unless_known(name, TASKS, f"no task '{name}'")
-    asked = [find_engine(name) for name in dict.fromkeys(request.engines)]
-    for engine in asked:
+    requested = [find_engine(name) for name in dict.fromkeys(request.engines)]
+    for engine in requested:
         if not engine.version:
             raise EngineError(_absence_reason(engine))
     own = [engine for engine in ENGINES.values() if engine.own_laws]
-    engines = asked or [engine for engine in own if engine.version]
+    engines = requested or [engine for engine in own if engine.version]
     refused = dict[str, list[str]]()  # tasks by reason
     tasks = list(dict.fromkeys(request.tasks or TASKS))
     session.claim("panel", "sweeps/engines")
     runs: list[PanelRun] = []
-    told: list[PanelTask] = []
+    panel_tasks: list[PanelTask] = []
     for task in tasks:
         for engine in engines:
             try:
@@ -71,20 +71,22 @@ def run_panel(request: PanelRequest, session: Session) -> EnginePanel:
                 refused.setdefault(str(error), []).append(task)
                 continue
             records = list(store.records())
-            if held := {record.engine.version for record in records} - {engine.version}:
+            if stored_versions := {record.engine.version for record in records} - {engine.version}:
                 raise OtherSweepError(
                     f"{session.folder / task / engine.name} holds runs of {engine.name} "
-                    f"{', '.join(sorted(held))}, and {engine.version} is installed",
+                    f"{', '.join(sorted(stored_versions))}, and {engine.version} is installed",
                     REMOVE,
                 )
             runs += [_measure_run(task, store, record) for record in records]
         described = _read_sweep(task, ENGINES[MODEL_ENGINE], session).plan.sweep.description
-        told.append(PanelTask(name=task, description=described or "", measure=_MEASURES[task]))
-    absent = [] if asked else [_absence_reason(engine) for engine in own if not engine.version]
+        panel_tasks.append(
+            PanelTask(name=task, description=described or "", measure=_MEASURES[task])
+        )
+    absent = [] if requested else [_absence_reason(engine) for engine in own if not engine.version]
     skipped = [f"{', '.join(without)}: {why}" for why, without in refused.items()]
     report = EnginePanel(
         engines={engine.name: engine.version for engine in engines},
-        tasks=tuple(told),
+        tasks=tuple(panel_tasks),
         runs=tuple(runs),
         skipped=(*skipped, *absent),
     )
@@ -116,7 +118,7 @@ def _read_sweep(task: str, engine: SimulationEngine, session: Session) -> SweepR
 
 def _measure_run(task: str, store: Store, record: EvidenceRecord) -> PanelRun:
     step, accuracy = as_number(record.settings["timestep"]), record.axes.get("tolerance")
-    told = PanelRun(
+    panel_run = PanelRun(
         task=task,
         engine=record.engine.name,
         step=step,
@@ -128,10 +130,10 @@ def _measure_run(task: str, store: Store, record: EvidenceRecord) -> PanelRun:
         label=record.label if record.status == "ok" else record.status_reason or record.status,
     )
     if record.status != "ok":
-        return told
+        return panel_run
     own, metrics = TASK_ERRORS.get(task), record.metrics
     error = own(store.trace(record), record) if own else metrics["oracle_error"]
-    return told.model_copy(
+    return panel_run.model_copy(
         update={
             "error": None if error is None else finite_or_none(abs(error)),
             "energy": metrics.get("energy_drift"),
@@ -151,10 +153,12 @@ def better_runs(panel: EnginePanel) -> Iterator[tuple[PanelRun, PanelRun]]:
     """Yield the best run of each task and the run of MuJoCo, if MuJoCo is not the best."""
     better_ratio = 0.99  # a smaller difference is rounding of the same scheme
     for task in panel.tasks:
-        known = [each for each in panel.runs if each.task == task.name and each.error is not None]
-        ours = [each for each in known if each.engine == MODEL_ENGINE]
+        measured_runs = [
+            each for each in panel.runs if each.task == task.name and each.error is not None
+        ]
+        ours = [each for each in measured_runs if each.engine == MODEL_ENGINE]
         if ours:
-            first, own = (min(some, key=_error_or_infinity) for some in (known, ours))
+            first, own = (min(some, key=_error_or_infinity) for some in (measured_runs, ours))
             if _error_or_infinity(first) < better_ratio * _error_or_infinity(own):
                 yield first, own
 

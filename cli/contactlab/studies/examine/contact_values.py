@@ -36,9 +36,9 @@ def read_values(assigned: Mapping[str, str]) -> dict[str, float]:
 
 def split_values(assign: Sequence[str]) -> tuple[list[str], dict[str, str]]:
     """Return the settings of `--set`, and the requested values of contacts by name."""
-    named = [each.partition("=") for each in assign]
-    values = {name: text for name, _, text in named if name in VALUES}
-    return [f"{name}{equals}{text}" for name, equals, text in named if name not in VALUES], values
+    parts = [each.partition("=") for each in assign]
+    values = {name: text for name, _, text in parts if name in VALUES}
+    return [f"{name}{equals}{text}" for name, equals, text in parts if name not in VALUES], values
 
 
 def measure_contacts(
@@ -84,7 +84,9 @@ def measure_contacts(
     for pair in pairs:
         solref = " ".join(f"{number:.8g}" for number in pair.solve_softness(words))
         changed = with_settings(f'solref="{solref}"')
-        again = next(found for found in resting_pairs(changed) if found.law.name == pair.law.name)
+        again = next(
+            same_pair for same_pair in resting_pairs(changed) if same_pair.law.name == pair.law.name
+        )
         timestep = changed.resolved.timestep
         contacts.append(again.contact(timestep))
         missed += _missed_values(again, words, timestep)
@@ -95,22 +97,22 @@ def _missed_values(pair: RestingPair, words: Mapping[str, float], timestep: floa
     most = largest_step(pair.law.solref)
     if timestep > most * (1 + SUM_ROUNDING):
         yield f"{pair.name}: a timestep of {timestep:g} s is too long for these values"
-    found = {
+    sizes = {
         "stiffness": pair.load / pair.depth if pair.depth else 0.0,
         "depth_at_rest": pair.depth,
         "restitution": pair.restitution,
     }
     largest_miss = 0.1  # largest difference of measured from requested values, as a share
-    for name, size in found.items():
-        asked = words.get(name)
-        if asked is None:
+    for name, size in sizes.items():
+        requested = words.get(name)
+        if requested is None:
             continue
         if size is None:
             yield f"{pair.name}: does not bounce in the run, so restitution was not measured"
-        elif abs(size - asked) > largest_miss * asked:
+        elif abs(size - requested) > largest_miss * requested:
             why = f"; an impact takes a step of {RESOLVED_STEP / STABLE_STEP * most:.2g} s"
             unit = f" {VALUES[name]}".rstrip()
             yield (
-                f"{pair.name}: {name} is {size:.4g}{unit}, not {asked:.4g}{unit}"
+                f"{pair.name}: {name} is {size:.4g}{unit}, not {requested:.4g}{unit}"
                 f"{why * (name == 'restitution')}"
             )

@@ -76,14 +76,14 @@ def find_lost_grip(grip: GripReport, sentence: str) -> Iterator[Cause]:
 def leaves_hand(motion: Motion, grip: GripReport) -> bool:
     """Return whether the object of a keyframe's grip moves in the hand more than if it rested."""
     model, data = motion.model, begin_motion(motion)
-    held, base = model.body(grip.object.removeprefix("body ")).id, model.body(grip.base).id
-    geoms = np.flatnonzero(model.geom_bodyid == held)
+    held_body, base = model.body(grip.object.removeprefix("body ")).id, model.body(grip.base).id
+    geoms = np.flatnonzero(model.geom_bodyid == held_body)
     size = float(half_extents(model)[geoms].max(initial=0.0))
-    begun = _place_in(data, held, base)
+    begun = _place_in(data, held_body, base)
     for _ in step_first_seed(motion, data):
         pass
     seconds = motion.steps * float(model.opt.timestep)
-    way = float(np.linalg.norm(_place_in(data, held, base) - begun))
+    way = float(np.linalg.norm(_place_in(data, held_body, base) - begun))
     return bool(size) and way > _MOST_SPEED * seconds * size
 
 

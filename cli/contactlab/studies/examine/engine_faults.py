@@ -55,10 +55,10 @@ def find_met_faults(
 ) -> MetFaults:
     """Return the known faults that act in motions, whose phases begin at these times [s]."""
     model = motions[0].model
-    met = find_met_advisories(model, elements=lambda: source.elements)
-    times = _find_first_times([each for each in met if each.occurs], motions, begins)
+    met_advisories = find_met_advisories(model, elements=lambda: source.elements)
+    times = _find_first_times([each for each in met_advisories if each.occurs], motions, begins)
     facts = list[Fact]()
-    for advisory in met:
+    for advisory in met_advisories:
         time = times.get(advisory.id)
         acts = time is None or math.isfinite(time)
         verb, where = ("meets", "") if acts else ("may meet", ", but not in this run")
@@ -68,8 +68,8 @@ def find_met_faults(
         facts.append(
             Fact(kind="advisory", place=advisory.id, value=float(acts), unit="1", sentence=sentence)
         )
-    seen = [each for each in met if math.isfinite(times.get(each.id, math.inf))]
-    return MetFaults(tuple(facts), any(each.workarounds for each in seen))
+    occurring = [each for each in met_advisories if math.isfinite(times.get(each.id, math.inf))]
+    return MetFaults(tuple(facts), any(each.workarounds for each in occurring))
 
 
 def _find_first_times(
@@ -90,8 +90,8 @@ def _find_first_times(
         for warning in run.warnings:
             first = int(run.begins[max(0, warning.window - 1)])
             last = int(run.begins[warning.window]) + run.steps
-            kept = run.velocity_states[warning.seed, first:last]
-            states += [(first + step, row, KEPT) for step, row in enumerate(kept)]
+            states_before = run.velocity_states[warning.seed, first:last]
+            states += [(first + step, row, KEPT) for step, row in enumerate(states_before)]
         for step, state, spec in states:
             if not np.isfinite(state).all():
                 continue
@@ -106,13 +106,15 @@ def _find_first_times(
 
 def list_workarounds(model: mujoco.MjModel, source: SceneSource) -> Iterator[EngineWorkaround]:
     """Yield the workarounds of met advisories that keep the model."""
-    for met in find_met_advisories(model, elements=lambda: source.elements):
-        for workaround in met.workarounds:
+    for advisory in find_met_advisories(model, elements=lambda: source.elements):
+        for workaround in advisory.workarounds:
             keeps = CATALOGUE[workaround.modification].kind == "computation"
             if keeps and workaround.settings.keys() <= {*OPTIONS, *FLAG_NAMES}:
-                said = " ".join(f"{name}={value}" for name, value in workaround.settings.items())
+                settings_text = " ".join(
+                    f"{name}={value}" for name, value in workaround.settings.items()
+                )
                 yield EngineWorkaround(
-                    f"{said} against {met.id}",
+                    f"{settings_text} against {advisory.id}",
                     dict(workaround.settings),
-                    describe_met_advisory(met),
+                    describe_met_advisory(advisory),
                 )

@@ -59,16 +59,16 @@ def facts(motions: Sequence[Motion], begins: Sequence[float]) -> tuple[Fact, ...
         times = begin + run.begins * model.opt.timestep
         for seed in range(motion.seeds):
             for place in np.flatnonzero(run.valid[seed]):
-                found = list(
+                start_facts = list(
                     _measure_contacts(model, data, run.starts[seed, place], float(times[place]))
                 )
-                deepest += [contact for contact, _ in found]
-                hardest += [contact for _, contact in found]
+                deepest += [contact for contact, _ in start_facts]
+                hardest += [contact for _, contact in start_facts]
                 time, is_start = float(times[place]), not place and not begin
                 apart = _measure_gaps(model, data).items()
                 gaps += [_Gap(equality, gap, time, is_start) for equality, gap in apart]
                 if is_start:
-                    overlap += [contact for contact, _ in found]
+                    overlap += [contact for contact, _ in start_facts]
         if motion is motions[0]:
             creep, pressing = tuple(_of_creep(motion, run)), tuple(_of_force(motion, run))
         masked.enter(motion, run, begin)
@@ -171,10 +171,10 @@ def _of_creep(motion: Motion, run: Run) -> Iterator[Fact]:
         mujoco.mj_setState(motion.model, data, run.starts[0, place], INTEGRATION)
         mujoco.mj_forward(motion.model, data)
         states.append(_creep_velocities(motion.model, data))
-    kept = set[tuple[int, int]].intersection(*map(set, states)) if states else set()
+    common_pairs = set[tuple[int, int]].intersection(*map(set, states)) if states else set()
     speeds = {
         pair: float(np.linalg.norm(np.mean([state[pair] for state in states], axis=0)))
-        for pair in kept
+        for pair in common_pairs
     }
     if not speeds:
         return
@@ -191,7 +191,7 @@ def _of_creep(motion: Motion, run: Run) -> Iterator[Fact]:
 
 
 def _creep_velocities(model: mujoco.MjModel, data: mujoco.MjData) -> dict[tuple[int, int], Floats]:
-    found, slides = dict[tuple[int, int], list[Floats]](), set[tuple[int, int]]()
+    speeds_by_pair, slides = dict[tuple[int, int], list[Floats]](), set[tuple[int, int]]()
     force, ways = np.empty(6), np.empty((2, 3, model.nv))
     held_share = 0.95  # of a cone of friction: beyond, a contact slides
     for place in range(data.ncon):
@@ -210,8 +210,12 @@ def _creep_velocities(model: mujoco.MjModel, data: mujoco.MjData) -> dict[tuple[
             mujoco.mj_jac(model, data, way, None, contact.pos, int(model.geom_bodyid[geom]))
         belts = [_surface_velocity(model, data, geom, contact.pos) for geom in (one, two)]
         speed, normal = (ways[1] - ways[0]) @ data.qvel + belts[1] - belts[0], contact.frame[:3]
-        found.setdefault(pair, []).append(speed - normal * (normal @ speed))
-    return {pair: np.mean(speeds, axis=0) for pair, speeds in found.items() if pair not in slides}
+        speeds_by_pair.setdefault(pair, []).append(speed - normal * (normal @ speed))
+    return {
+        pair: np.mean(speeds, axis=0)
+        for pair, speeds in speeds_by_pair.items()
+        if pair not in slides
+    }
 
 
 def _surface_velocity(
@@ -241,7 +245,9 @@ def _find_joint_off_limits(motion: Motion) -> Iterator[Fact]:
     worst = int(np.where(shares > _DEEP, beyond * levers, -np.inf).argmax())
     joint, amount = int(joints[worst]), float(beyond[worst])
     turns = int(model.jnt_type[joint]) == mujoco.mjtJoint.mjJNT_HINGE
-    said = f"{format_digits(np.degrees(amount), 2)} deg" if turns else f"{_format_mm(amount)} mm"
+    amount_text = (
+        f"{format_digits(np.degrees(amount), 2)} deg" if turns else f"{_format_mm(amount)} mm"
+    )
     others = int((shares > _DEEP).sum()) - 1
     are = "are" if others > 1 else "is"
     more = f" ({others} more {are}, too)" if others else ""
@@ -250,8 +256,8 @@ def _find_joint_off_limits(motion: Motion) -> Iterator[Fact]:
         place=(name := joint_name(model, joint)),
         value=amount,
         unit="rad" if turns else "m",
-        sentence=f"at the start {name} is {said} beyond its range{more}; begin from a keyframe "
-        "within it",
+        sentence=f"at the start {name} is {amount_text} beyond its range{more}; begin from a "
+        "keyframe within it",
     )
 
 
@@ -272,8 +278,8 @@ def _of_equalities(motion: Motion, gaps: Sequence[_Gap]) -> Iterator[Fact]:
     model = motion.model
     at_start = [gap for gap in gaps if gap.is_start]
     most = _DEEP * model.stat.meansize
-    for known in (at_start, gaps):
-        worst = max(known, key=lambda gap: gap.amount, default=None)
+    for gap_group in (at_start, gaps):
+        worst = max(gap_group, key=lambda gap: gap.amount, default=None)
         if worst is None or worst.amount <= most:
             continue
         place = f"equality {model.equality(worst.equality).name or f'[{worst.equality}]'}"

@@ -75,7 +75,7 @@ def find_field_passages(
     fields = np.flatnonzero(model.geom_type == _HFIELD).tolist()
     touch = touch_mask(model) if fields else np.zeros((0, 0), bool)
     pairs = [(field, geom) for field in fields for geom in np.flatnonzero(touch[field]).tolist()]
-    found = dict[tuple[int, int], FieldPassage]()
+    passages = dict[tuple[int, int], FieldPassage]()
     above = set[tuple[int, int]]()
     for motion, begin in zip(motions, begins, strict=True) if pairs else ():
         window_seconds = 0.02  # between states that are looked at
@@ -83,14 +83,14 @@ def find_field_passages(
         for place, depths, crowded in _depths_over_time(motion, run, pairs):
             time = begin + place * model.opt.timestep
             for pair in crowded if failing else ():
-                found.setdefault(pair, FieldPassage(*pair, 0.0, time))
+                passages.setdefault(pair, FieldPassage(*pair, 0.0, time))
             for pair, depth in depths.items():
                 if depth <= 0:
                     above.add(pair)
                 # A geom is below the surface if its center is as deep as its half extent.
                 elif depth > half_extents(model)[pair[1]] and pair in above:
-                    found.setdefault(pair, FieldPassage(*pair, depth, time))
-    return sorted(found.values(), key=lambda passage: passage.time)
+                    passages.setdefault(pair, FieldPassage(*pair, depth, time))
+    return sorted(passages.values(), key=lambda passage: passage.time)
 
 
 def _depths_over_time(

@@ -159,9 +159,11 @@ class FixSearch:
         self.label_trials, self.not_tried, self._went_further = 0, list[str](), False
         self._dropped = set[str]()
         self.without_labels = list[TriedFix]()
-        found = try_fixes(motions, verdict, candidates=self._candidates, trial=self._current_trial)
-        ended = [fix for fix in found if fix.is_complete]
-        self.not_tried += [fix.name for fix in found if not fix.is_complete]
+        first_fixes = try_fixes(
+            motions, verdict, candidates=self._candidates, trial=self._current_trial
+        )
+        ended = [fix for fix in first_fixes if fix.is_complete]
+        self.not_tried += [fix.name for fix in first_fixes if not fix.is_complete]
         self.helping = self._by_labels([fix for fix in ended if fix.removes])
         self.tried = [*self.helping, *(fix for fix in ended if not fix.removes)]
         harmful = any(fix.harms for fix in ended)
@@ -169,20 +171,20 @@ class FixSearch:
             against = candidates_against_labels(motions, verdict, repeats.labels)
             self.without_labels = [*self._without_labels(against)]
         helping = (*self.helping, *self.without_labels)
-        known = {fix.name for fix in helping} | {*self.not_tried}
+        known_names = {fix.name for fix in helping} | {*self.not_tried}
         self._parting = [
             candidate
             for candidate in physical
             if candidate.edits.fixes_start
-            and candidate.name not in known
+            and candidate.name not in known_names
             and self._parts_bodies(candidate)
         ]
 
     def _keeps_integrator(self, candidate: Candidate) -> bool:
         # RK4 is more accurate for replayed controls; in the loop of a policy it holds no more.
         model = self._motions[0].model
-        made = changed_model(model, candidate)
-        return made.opt.integrator in (
+        changed = changed_model(model, candidate)
+        return changed.opt.integrator in (
             model.opt.integrator,
             mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
         )
@@ -200,7 +202,7 @@ class FixSearch:
         """
         if helping and (not self._repeats.labels or helping[0].edits.fixes_start):
             return [*helping]
-        base, left = None, self._repeats.labels
+        base, base_labels = None, self._repeats.labels
         for fix in helping:
             candidate = self._find_candidate(fix.name)
             if (labels := self._labels_with(fix, candidate.rate)) is None:
@@ -208,9 +210,9 @@ class FixSearch:
             if not labels:
                 return [fix, *(other for other in helping if other is not fix)]
             if base is None:
-                base, left = candidate, labels
-        found = self._try_further(base, left) if base or not helping else []
-        return [*found, *helping]
+                base, base_labels = candidate, labels
+        further_fixes = self._try_further(base, base_labels) if base or not helping else []
+        return [*further_fixes, *helping]
 
     def _try_further(
         self, base: Candidate | None, labels: Sequence[RunLabel]
@@ -219,11 +221,15 @@ class FixSearch:
         self._went_further |= base is None
         for candidate in self._list_further(base, labels):
             trial = replace(self._current_trial, most=None)
-            tried = try_fixes(self._motions, self._verdict, candidates=[candidate], trial=trial)
-            self.not_tried += [one.name for one in tried if not one.is_complete]
-            if any(self._labels_with(one, candidate.rate) == () for one in tried if one.removes):
+            tried_fixes = try_fixes(
+                self._motions, self._verdict, candidates=[candidate], trial=trial
+            )
+            self.not_tried += [one.name for one in tried_fixes if not one.is_complete]
+            if any(
+                self._labels_with(one, candidate.rate) == () for one in tried_fixes if one.removes
+            ):
                 self._candidates = (*self._candidates, candidate)
-                return tried
+                return tried_fixes
         return []
 
     def search_further(self) -> bool:
@@ -231,13 +237,13 @@ class FixSearch:
         # A fix that includes a dropped one was left out for it, and may do no harm.
         wider = [one for one in self._candidates if self._dropped.intersection(one.includes)]
         self._dropped.clear()
-        known = {fix.name for fix in self.tried}
-        if wider := [one for one in wider if one.name not in known]:
+        tried_names = {fix.name for fix in self.tried}
+        if wider := [one for one in wider if one.name not in tried_names]:
             trial = self._current_trial
-            found = try_fixes(self._motions, self._verdict, candidates=wider, trial=trial)
-            self.not_tried += [fix.name for fix in found if not fix.is_complete]
-            self.helping = [fix for fix in found if fix.removes]
-            self.tried = [*self.tried, *(fix for fix in found if fix.is_complete)]
+            wider_fixes = try_fixes(self._motions, self._verdict, candidates=wider, trial=trial)
+            self.not_tried += [fix.name for fix in wider_fixes if not fix.is_complete]
+            self.helping = [fix for fix in wider_fixes if fix.removes]
+            self.tried = [*self.tried, *(fix for fix in wider_fixes if fix.is_complete)]
             if self.helping:
                 return True
         if self._went_further:
@@ -272,9 +278,9 @@ class FixSearch:
         verdict, word = self._verdict, self._verdict.word
         if base is None and word != "inaccurate":
             return
-        wanted: VerdictWord = "depends" if word == "depends" else "inaccurate"
+        verdict_word: VerdictWord = "depends" if word == "depends" else "inaccurate"
         physical = [
-            replace(candidate, word=wanted)
+            replace(candidate, word=verdict_word)
             for candidate in candidates_against_labels(self._motions, verdict, labels)
             if candidate.changes_model
         ]
@@ -326,10 +332,10 @@ class FixSearch:
             )
 
         def change(own: mujoco.MjModel) -> mujoco.MjModel:
-            made = copy.copy(candidate.compiled or own)
-            candidate.change(made)
-            set_timestep(made, own.opt.timestep)
-            return made
+            changed = copy.copy(candidate.compiled or own)
+            candidate.change(changed)
+            set_timestep(changed, own.opt.timestep)
+            return changed
 
         return self._repeats.list_motions({**self._values, **options}, change, None)
 
@@ -349,7 +355,7 @@ class FixSearch:
 
     def reported_fixes(self) -> tuple[Fix, ...]:
         """Return at most three fixes, all requested ones, and those that separate bodies."""
-        shown = [
+        of_verdict = [
             fix
             for place, fix in enumerate(self.helping)
             if place < MOST_FIXES or fix.apply in self._current_trial.requested
@@ -358,24 +364,26 @@ class FixSearch:
             _make_untimed(candidate, self._verdict.word, candidate.edits, removes=False)
             for candidate in self._parting
         ]
-        found: dict[Removes, Sequence[TriedFix]] = {
-            "verdict": shown,
+        fixes_by_effect: dict[Removes, Sequence[TriedFix]] = {
+            "verdict": of_verdict,
             "labels": self.without_labels,
             "overlap": parting,
         }
-        return tuple(self._report_fix(one, what) for what, some in found.items() for one in some)
+        return tuple(
+            self._report_fix(one, what) for what, some in fixes_by_effect.items() for one in some
+        )
 
     def find_edits(self, name: str) -> ModelEdits:
         """Return the edits of a reported fix, with those of the repairs before it."""
-        tried = (*self.helping, *self.without_labels)
-        found = {fix.name: fix.edits for fix in tried}
-        found |= {candidate.name: candidate.edits for candidate in self._parting}
-        return self.whole_edits(found[name])
+        all_fixes = (*self.helping, *self.without_labels)
+        edits_by_name = {fix.name: fix.edits for fix in all_fixes}
+        edits_by_name |= {candidate.name: candidate.edits for candidate in self._parting}
+        return self.whole_edits(edits_by_name[name])
 
     def changes_model(self, name: str) -> bool:
         """Return whether a fix makes another model; several fixes together do."""
-        tried = (*self.helping, *self.without_labels)
-        return next((fix.changes_model for fix in tried if fix.name == name), True)
+        all_fixes = (*self.helping, *self.without_labels)
+        return next((fix.changes_model for fix in all_fixes if fix.name == name), True)
 
     def drop_fix(self, name: str) -> None:
         """Report a fix no longer, and do not write it."""
@@ -420,13 +428,13 @@ class FixSearch:
             lines = self.write_once(fix.name, fix.edits).lines
         except SceneError as error:
             no_patch_reason = str(error).splitlines()[0]
-        tried, edits = fix_report(fix), self.whole_edits(fix.edits)
+        budget_fix, edits = fix_report(fix), self.whole_edits(fix.edits)
         return Fix(
-            name=tried.name,
-            changes_model=tried.changes_model,
+            name=budget_fix.name,
+            changes_model=budget_fix.changes_model,
             apply=fix.apply,
             removes=removes,
-            settings=tried.settings,
+            settings=budget_fix.settings,
             excluded_pairs=edits.excluded,
             added_free_joints=edits.freed,
             replaced_meshes=edits.fitted,
@@ -436,10 +444,10 @@ class FixSearch:
             opened_geoms=edits.widened_masks,
             position_servos=edits.servos,
             changed_controls=edits.steered,
-            error=tried.error,
-            distance_to_reference=tried.distance_to_reference,
-            distance_before=tried.distance_before,
-            time_ratio=tried.time_ratio,
+            error=budget_fix.error,
+            distance_to_reference=budget_fix.distance_to_reference,
+            distance_before=budget_fix.distance_before,
+            time_ratio=budget_fix.time_ratio,
             lines=lines,
             no_patch_reason=no_patch_reason,
         )
@@ -450,8 +458,8 @@ class FixSearch:
         Raises:
             SceneError: it cannot be written.
         """
-        known, result = self._written.get(name, (None, None))
-        if result is None or known != edits:
+        known_edits, result = self._written.get(name, (None, None))
+        if result is None or known_edits != edits:
             try:
                 folder = Path(mkdtemp(dir=self._folder)) / "changed"
                 result = self.write_edits(edits, folder)
@@ -467,8 +475,8 @@ class FixSearch:
         whole = self.whole_edits(edits)
         own = {key: value for key, value in self._values.items() if key not in whole.settings}
         scene = self._repaired.scene if self._repaired else self._scene
-        written = replace(whole, settings={**own, **whole.settings})
-        return write_model(scene, written, folder, name)
+        whole_edits = replace(whole, settings={**own, **whole.settings})
+        return write_model(scene, whole_edits, folder, name)
 
     def whole_edits(self, edits: ModelEdits) -> ModelEdits:
         """Return the edits of a fix with those of the repairs before it."""
@@ -481,31 +489,33 @@ class FixSearch:
         """
         helping = [*self.helping, *self.without_labels]
         numerical = [fix for fix in helping if not fix.changes_model]
-        wanted = {*self._current_trial.requested}
+        requested = {*self._current_trial.requested}
         if self._repaired is not None:
-            wanted -= {*self._repaired.apply}
+            requested -= {*self._repaired.apply}
             reason = self._repaired.why_not_written(self._current_trial.requested)
-            if reason or not (wanted or helping):
+            if reason or not (requested or helping):
                 return " and ".join(self._repaired.apply), self.whole_edits(NO_EDITS), reason
-        chosen = [fix for fix in self.without_labels if wanted == {fix.apply}]
-        if not wanted:
+        chosen = [fix for fix in self.without_labels if requested == {fix.apply}]
+        if not requested:
             chosen = numerical
         if chosen:
             return chosen[0].name, chosen[0].edits, ""
-        reason = self._unknown_request() if wanted else self._why_none(helping)
+        reason = self._unknown_request() if requested else self._why_none(helping)
         if reason:
             return "", NO_EDITS, reason
         by_word = {candidate.apply: candidate for candidate in self._candidates}
         accepted = [
-            by_word[word] for word in dict.fromkeys(self._current_trial.requested) if word in wanted
+            by_word[word]
+            for word in dict.fromkeys(self._current_trial.requested)
+            if word in requested
         ]
         others = [one for one in self._candidates if one.name in {two.name for two in numerical}]
         trial = replace(self._current_trial, most=None, find_time_left=lambda: math.inf)
         for candidates in (accepted, *([*accepted, other] for other in others)):
             whole = joined(candidates)
-            tried = try_fixes(self._motions, self._verdict, candidates=[whole], trial=trial)
-            if tried and tried[0].removes:
-                return tried[0].name, tried[0].edits, ""
+            tried_fixes = try_fixes(self._motions, self._verdict, candidates=[whole], trial=trial)
+            if tried_fixes and tried_fixes[0].removes:
+                return tried_fixes[0].name, tried_fixes[0].edits, ""
         if self._parts_bodies(whole := joined(accepted)):
             return whole.name, whole.edits, ""
         return "", NO_EDITS, "the applied fixes do not remove the cause of the verdict"
@@ -514,8 +524,8 @@ class FixSearch:
         words = [candidate.apply for candidate in self._candidates if candidate.apply]
         words += self._repaired.apply if self._repaired else ()
         unknown = [word for word in self._current_trial.requested if word not in words]
-        known = ", ".join(words) or "none"
-        return f"no fix is called {unknown[0]}; write one of: {known}" if unknown else ""
+        known_words = ", ".join(words) or "none"
+        return f"no fix is called {unknown[0]}; write one of: {known_words}" if unknown else ""
 
     def _why_none(self, helping: Sequence[TriedFix]) -> str:
         """Return why no fix is written that keeps the model."""
@@ -624,5 +634,5 @@ def _make_untimed(
 
 def _start_faults(motions: Sequence[Motion]) -> set[str]:
     """Return the kinds of facts about overlaps at the start and extreme forces."""
-    found = {fact.kind for fact in facts(motions, [0.0] * len(motions))}
-    return {kind for kind in found if kind in ("overlap", "force")}
+    fact_kinds = {fact.kind for fact in facts(motions, [0.0] * len(motions))}
+    return {kind for kind in fact_kinds if kind in ("overlap", "force")}

@@ -96,13 +96,13 @@ def find_masked_fall(motion: Motion) -> MaskedFall | None:
     opened = () if is_off else _open_masks(whole, fallen)
     if not fallen or not (is_off or opened):
         return None
-    held = begin_motion(replace(motion, model=whole))
-    for _ in step_first_seed(replace(motion, model=whole), held):
+    held_data = begin_motion(replace(motion, model=whole))
+    for _ in step_first_seed(replace(motion, model=whole), held_data):
         pass
-    mujoco.mj_forward(whole, held)
+    mujoco.mj_forward(whole, held_data)
     for body in fallen:
-        touched = [pair for pair in held.contact.geom if body in model.geom_bodyid[pair]]
-        if not touched or _falls_freely(whole, held, body):
+        touched = [pair for pair in held_data.contact.geom if body in model.geom_bodyid[pair]]
+        if not touched or _falls_freely(whole, held_data, body):
             continue
         other = next(int(geom) for geom in touched[0] if model.geom_bodyid[geom] != body)
         why = (

@@ -41,15 +41,15 @@ def find_permanent_overlaps(motion: Motion, poses: int = 64) -> list[PermanentOv
         if (one, two) in near and depth > least
     }
     random = np.random.default_rng(0)
-    left, extent = {*depths}, moving_extent(model, data)
-    for _ in range(poses if left else 0):
+    remaining_pairs, extent = {*depths}, moving_extent(model, data)
+    for _ in range(poses if remaining_pairs else 0):
         _draw_pose(model, data, random, extent)
         mujoco.mj_fwdPosition(model, data)
-        left &= {(one, two) for one, two, _ in find_overlaps(model, data)}
+        remaining_pairs &= {(one, two) for one, two, _ in find_overlaps(model, data)}
     return [
         PermanentOverlap((name_of(model, "body", one), name_of(model, "body", two)), depth)
         for (one, two), depth in depths.items()
-        if (one, two) in left
+        if (one, two) in remaining_pairs
     ]
 
 

@@ -36,8 +36,10 @@ def primitives(
         return
     nearest = _find_nearest(scene, values, motions[0].model, touching)
     edits = ModelEdits(fitted=tuple(nearest.items()))
-    made = compiled(scene, values, lambda spec: edit_spec(spec, edits)) if nearest else None
-    if made is None:
+    compiled_model = (
+        compiled(scene, values, lambda spec: edit_spec(spec, edits)) if nearest else None
+    )
+    if compiled_model is None:
         return
     name, shape = next(iter(nearest.items()))
     more = f", and so of {len(nearest) - 1} more" if len(nearest) > 1 else ""
@@ -47,7 +49,7 @@ def primitives(
         "inaccurate",
         apply="primitive",
         edits=edits,
-        compiled=made,
+        compiled=compiled_model,
         must_come_nearer=False,
     )
 
@@ -58,8 +60,8 @@ def _list_touching(motion: Motion, bodies: set[str]) -> Iterator[str]:
     meshes = (model.geom_type == _MESH) & (model.geom_dataid >= 0)
     if not meshes.any():
         return
-    judged = np.array([model.body(body).name in bodies for body in model.geom_bodyid], bool)
-    found = np.zeros(model.ngeom, bool)
+    is_of_body = np.array([model.body(body).name in bodies for body in model.geom_bodyid], bool)
+    is_touching = np.zeros(model.ngeom, bool)
     mujoco.mj_setState(model, data, motion.starts[0], INTEGRATION)
     rows = motion.rows(0, np.arange(motion.steps))
     for step in range(motion.steps):
@@ -67,8 +69,10 @@ def _list_touching(motion: Motion, bodies: set[str]) -> Iterator[str]:
             mujoco.mj_setState(model, data, rows[step], motion.spec)
         mujoco.mj_step(model, data)
         pairs = data.contact.geom[(data.contact.geom >= 0).all(axis=1)]
-        found[pairs[judged[pairs].any(axis=1)]] = True
-    yield from filter(None, (model.geom(geom).name for geom in np.flatnonzero(found & meshes)))
+        is_touching[pairs[is_of_body[pairs].any(axis=1)]] = True
+    yield from filter(
+        None, (model.geom(geom).name for geom in np.flatnonzero(is_touching & meshes))
+    )
 
 
 def _find_nearest(

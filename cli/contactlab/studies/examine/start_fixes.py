@@ -165,8 +165,8 @@ def _start_edits(
         if not np.array_equal(place, model.body(name).pos)
     }
     edits = ModelEdits(placed=tuple(placed.items()))
-    made = compiled(scene, values, lambda spec: edit_spec(spec, edits))
-    if made is not None and _begins_alike(model, made, positions):
+    compiled_model = compiled(scene, values, lambda spec: edit_spec(spec, edits))
+    if compiled_model is not None and _begins_alike(model, compiled_model, positions):
         return edits
     return ModelEdits(posed=((_HELD, own),))
 
@@ -179,14 +179,14 @@ def _is_passive_root(model: mujoco.MjModel, joint: int) -> bool:
     return bool(on_world and not driven and not model.jnt_limited[joint] and not model.neq)
 
 
-def _begins_alike(model: mujoco.MjModel, made: mujoco.MjModel, positions: Floats) -> bool:
+def _begins_alike(model: mujoco.MjModel, compiled_model: mujoco.MjModel, positions: Floats) -> bool:
     # Whether the reference pose of a model has all bodies where another one has them in a pose.
     # Anchors of equalities and lengths of tendons are read from the reference pose, too.
     for field in ("eq_data", "tendon_lengthspring"):
-        if not np.array_equal(getattr(model, field), getattr(made, field)):
+        if not np.array_equal(getattr(model, field), getattr(compiled_model, field)):
             return False
     places = list[Floats]()
-    for one, qpos in ((model, positions), (made, made.qpos0)):
+    for one, qpos in ((model, positions), (compiled_model, compiled_model.qpos0)):
         data = mujoco.MjData(one)
         if len(data.qpos) != len(qpos) or one.nbody != model.nbody:
             return False
@@ -206,9 +206,9 @@ def _without_contacts(
     must_come_nearer: bool,
 ) -> Iterator[Candidate]:
     edits = ModelEdits(excluded=tuple(names))
-    made = compiled(scene, values, lambda spec: edit_spec(spec, edits))
+    compiled_model = compiled(scene, values, lambda spec: edit_spec(spec, edits))
     size = mujoco.mj_stateSize(model, INTEGRATION)
-    if made is None or mujoco.mj_stateSize(made, INTEGRATION) != size:
+    if compiled_model is None or mujoco.mj_stateSize(compiled_model, INTEGRATION) != size:
         return
     first = " - ".join(names[0])
     more = f" and {len(names) - 1} more pairs" if len(names) > 1 else ""
@@ -217,7 +217,7 @@ def _without_contacts(
         word,
         apply="exclude",
         edits=edits,
-        compiled=made,
+        compiled=compiled_model,
         must_come_nearer=must_come_nearer,  # overlaps that joints hold have no reference motion
     )
 
@@ -262,8 +262,8 @@ def _welded_roots(spec: mujoco.MjSpec, names: Sequence[tuple[str, str]]) -> Iter
 def overlapping(motion: Motion) -> Iterator[tuple[int, int]]:
     """Yield pairs of near links that are in each other where a motion starts."""
     model = motion.model
-    found = find_overlaps(model, begin_motion(motion))
-    yield from ((one, two) for one, two, _ in found if _are_near(model, one, two))
+    overlaps = find_overlaps(model, begin_motion(motion))
+    yield from ((one, two) for one, two, _ in overlaps if _are_near(model, one, two))
 
 
 def _find_stuck(motion: Motion) -> Iterator[tuple[int, int]]:
@@ -271,8 +271,8 @@ def _find_stuck(motion: Motion) -> Iterator[tuple[int, int]]:
     model, data = motion.model, begin_motion(motion)
     least = OPEN_TOLERANCE * moving_extent(model, data)
     for one, two, depth in find_overlaps(model, data):
-        held = [_list_links(model, body) for body in (one, two)]
-        if depth > least and all(way[0] and way[-1] == 0 for way in held):
+        links_of_bodies = [_list_links(model, body) for body in (one, two)]
+        if depth > least and all(way[0] and way[-1] == 0 for way in links_of_bodies):
             yield one, two
 
 

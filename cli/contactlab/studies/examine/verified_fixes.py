@@ -59,8 +59,8 @@ class FixVerifier:
         self._begun[candidate.name] = Verification(request)
         harms = self._begun[candidate.name].run_loads()
         if harms:
-            found = self._begun.pop(candidate.name).complete_runs()
-            self.rejected.append(RejectedFix(name=candidate.name, reason=found.sentence))
+            verification = self._begun.pop(candidate.name).complete_runs()
+            self.rejected.append(RejectedFix(name=candidate.name, reason=verification.sentence))
         return harms
 
     def recommend_fixes(self, search: FixSearch) -> tuple[Fix, ...]:
@@ -77,11 +77,11 @@ class FixVerifier:
             request = self._make_request(
                 search, first.name, edits, self.find_time_left, removes_verdict=removes_verdict
             )
-            found = self._verify_once(first.name, request)
-            if found.passed:
-                verified = first.model_copy(update={"verification": found})
+            verification = self._verify_once(first.name, request)
+            if verification.passed:
+                verified = first.model_copy(update={"verification": verification})
                 return tuple(verified if fix is first else fix for fix in fixes)
-            self._drop_fix(search, first.name, found)
+            self._drop_fix(search, first.name, verification)
         return ()
 
     def write_fix(
@@ -105,15 +105,15 @@ class FixVerifier:
             request = self._make_request(
                 search, name, edits, lambda: math.inf, removes_verdict=removes_verdict
             )
-            found = self._verify_once(name, request)
-            if found.passed:
+            verification = self._verify_once(name, request)
+            if verification.passed:
                 return search.write_edits(edits, file.parent, file.name).path, ""
             if requested:
-                return None, f"{name}: {found.sentence}"
-            self._drop_fix(search, name, found)
+                return None, f"{name}: {verification.sentence}"
+            self._drop_fix(search, name, verification)
 
-    def _drop_fix(self, search: FixSearch, name: str, found: VerifiedChange) -> None:
-        self.rejected.append(RejectedFix(name=name, reason=found.sentence))
+    def _drop_fix(self, search: FixSearch, name: str, verification: VerifiedChange) -> None:
+        self.rejected.append(RejectedFix(name=name, reason=verification.sentence))
         search.drop_fix(name)
 
     @property
@@ -126,7 +126,7 @@ class FixVerifier:
         search: FixSearch,
         name: str,
         edits: ModelEdits,
-        left: Callable[[], float],
+        find_time_left: Callable[[], float],
         *,
         removes_verdict: bool,
     ) -> VerificationRequest:
@@ -153,25 +153,27 @@ class FixVerifier:
             allowed_error=self.examined.task.tolerance if numerical else 0.0,
             stop_early=True,
             runs=self._runs,
-            find_time_left=left,
+            find_time_left=find_time_left,
         )
 
     def _verify_once(self, name: str, request: VerificationRequest) -> VerifiedChange:
-        known = self._verifications.get(name)
-        if known is not None and not known.ended_early:
-            return known
+        earlier = self._verifications.get(name)
+        if earlier is not None and not earlier.ended_early:
+            return earlier
         begun = self._begun.pop(name, None) or Verification(request)
-        found = begun.complete_runs()
+        verification = begun.complete_runs()
         numerical = request.allowed_error > 0
-        left = [label for label in self._caused_labels if numerical and _runs_with(found, label)]
-        if found.passed and left:
-            sentence = f"it leaves {' and '.join(sorted(left))}"
-            found = found.model_copy(update={"passed": False, "sentence": sentence})
-        if found.identical:
+        labels_left = [
+            label for label in self._caused_labels if numerical and _runs_with(verification, label)
+        ]
+        if verification.passed and labels_left:
+            sentence = f"it leaves {' and '.join(sorted(labels_left))}"
+            verification = verification.model_copy(update={"passed": False, "sentence": sentence})
+        if verification.identical:
             sentence = "its runs are bit for bit those of the model as written"
-            found = found.model_copy(update={"passed": False, "sentence": sentence})
-        self._verifications[name] = found
-        return found
+            verification = verification.model_copy(update={"passed": False, "sentence": sentence})
+        self._verifications[name] = verification
+        return verification
 
     def _open_edited(self, search: FixSearch, name: str, edits: ModelEdits) -> CheckedModel:
         try:
@@ -181,7 +183,9 @@ class FixVerifier:
             return replace(self.examined, values={**self.examined.values, **edits.settings})
 
 
-def _runs_with(found: VerifiedChange, label: str) -> float:
+def _runs_with(verification: VerifiedChange, label: str) -> float:
     return sum(
-        measure.after or 0.0 for measure in found.measures if measure.name == f"label {label}"
+        measure.after or 0.0
+        for measure in verification.measures
+        if measure.name == f"label {label}"
     )

@@ -42,8 +42,11 @@ def _find_meanings(word: str) -> list[Callable[[], Iterator[str]]] | None:
     # Names of fixes have hyphens, terms have spaces.
     key = _definition_key(word)
     keys = (key, key.replace("-", "_"), key.replace("-", " "))
-    known = (_collect_definitions, _scene_axes)
-    return next((found for read in known for key in keys if (found := read().get(key))), None)
+    collectors = (_collect_definitions, _scene_axes)
+    return next(
+        (meanings for collect in collectors for key in keys if (meanings := collect().get(key))),
+        None,
+    )
 
 
 def define_word(word: str) -> tuple[WordMeaning, ...]:
@@ -80,7 +83,7 @@ def _definition_key(word: str) -> str:
 
 def _collect_definitions() -> Definitions:
     # Those of a word are in the order of their importance.
-    known: dict[str, list[Callable[[], Iterator[str]]]] = {}
+    definitions: dict[str, list[Callable[[], Iterator[str]]]] = {}
     headed = {metric.heading: metric for metric in METRICS.values() if metric.heading}
     known_names = LABELS.keys() | METRICS.keys()
     limits = {name: each for name, each in THRESHOLDS.items() if name not in known_names}
@@ -102,24 +105,24 @@ def _collect_definitions() -> Definitions:
     )
     for entries, lines in sources:
         for name, entry in entries.items():
-            known.setdefault(_definition_key(name), []).append(partial(lines, entry))
+            definitions.setdefault(_definition_key(name), []).append(partial(lines, entry))
     for term in read_glossary():
         for word in (term.word, *term.synonyms):
-            known.setdefault(_definition_key(word), []).append(partial(_term_lines, term))
-    return known
+            definitions.setdefault(_definition_key(word), []).append(partial(_term_lines, term))
+    return definitions
 
 
 @cache
 def _scene_axes() -> Definitions:
     # Axes that shipped scenes add, such as `drop_height`.
-    known: dict[str, list[Callable[[], Iterator[str]]]] = {}
+    definitions: dict[str, list[Callable[[], Iterator[str]]]] = {}
     for scene in resources.scene_names():
         manifest = find_scene(scene).manifest
         own = {} if manifest is None else {**manifest.initial, **manifest.structure}
         for name, axis in own.items():
             text = (f"{name} [{axis.unit}]: an axis of the scene {scene}", axis.description)
-            known.setdefault(_definition_key(name), []).append(lambda text=text: iter(text))
-    return known
+            definitions.setdefault(_definition_key(name), []).append(lambda text=text: iter(text))
+    return definitions
 
 
 def _label_lines(label: Label) -> Iterator[str]:

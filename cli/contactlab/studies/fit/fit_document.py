@@ -24,8 +24,10 @@ def describe_fit(report: FitReport, *, folder: Path | None = None) -> Document:
     noise = f"noise floor: {format_amount(report.noise_floor)}, by the start noise of the scene"
     most_named = 5
     worst = sorted(report.held_out.items(), key=lambda item: -item[1])[:most_named]
-    named = ", ".join(f"run {run} ({format_amount(error)})" for run, error in worst)
-    written = f"wrote {folder / 'fitted' / FITTED}, after {report.runs:,} runs" if folder else ""
+    largest_errors = ", ".join(f"run {run} ({format_amount(error)})" for run, error in worst)
+    file_sentence = (
+        f"wrote {folder / 'fitted' / FITTED}, after {report.runs:,} runs" if folder else ""
+    )
     return document_of(
         [
             Headline(head),
@@ -34,8 +36,8 @@ def describe_fit(report: FitReport, *, folder: Path | None = None) -> Document:
                 ("setting", "fitted", "95 %", "identified"),
                 list(map(_describe_setting_row, report.settings)),
             ),
-            Sentence(f"largest errors: {named}"),
-            *([Sentence(written)] if written else []),
+            Sentence(f"largest errors: {largest_errors}"),
+            *([Sentence(file_sentence)] if file_sentence else []),
         ]
     )
 
@@ -44,5 +46,5 @@ def _describe_setting_row(each: FittedSetting) -> tuple[object, ...]:
     interval = ""
     if each.interval:
         interval = " to ".join(map(format_amount, each.interval))
-    known = "yes" if each.identified else "no: the error does not depend on it"
-    return each.name, each.value, interval, known
+    identified_text = "yes" if each.identified else "no: the error does not depend on it"
+    return each.name, each.value, interval, identified_text

@@ -143,9 +143,11 @@ class _Trials:
         store = self.session.run_derived(name, sweep, self.scenes, resume=True)
         self.runs += store.columns.runs
         columns = store.columns.to_pydict([RECORDED_RUN, *names, request.metric])
-        found = {row[:-1]: row[-1] for row in zip(*columns.values(), strict=True)}
+        errors_by_key = {row[:-1]: row[-1] for row in zip(*columns.values(), strict=True)}
         keys = [[axis_cell(candidate[parameter]) for parameter in names] for candidate in settings]
-        errors = np.array([[found[(run, *key)] for run in runs] for key in keys], np.float64)
+        errors = np.array(
+            [[errors_by_key[(run, *key)] for run in runs] for key in keys], np.float64
+        )
         if np.isnan(errors).all():
             raise ExpectationError(f"no run of {request.scene} has a value of {request.metric}")
         return np.where(np.isnan(errors), np.nanmax(errors), errors)
@@ -198,8 +200,8 @@ def fit_settings(request: FitRequest, session: Session) -> FitReport:
         normal = np.random.default_rng([request.seed, number]).normal(
             size=(_BUDGET.points_per_round, size)
         )
-        drawn = np.clip(elite.mean(axis=0) + spread * normal, 0, 1)
-        trials.keep(f"round-{number}", np.where(words, elite[0], drawn))
+        positions = np.clip(elite.mean(axis=0) + spread * normal, 0, 1)
+        trials.keep(f"round-{number}", np.where(words, elite[0], positions))
 
     report = _make_report(trials, scene, order[count:])
     session.write({FIT_REPORT: report.model_dump_json(indent=2) + "\n"})
@@ -210,9 +212,11 @@ def _make_report(trials: _Trials, scene: Scene, held_out: Sequence[float]) -> Fi
     (best, *_), (errors, *_) = trials.best(1)
     chosen = trials.values(best)
     (there,) = trials.run("held-out", [chosen], held_out)
-    (written,) = trials.run("as-written", [{}], held_out)
+    (current_errors,) = trials.run("as-written", [{}], held_out)
     rng = np.random.default_rng(trials.request.seed)
-    drawn = there[rng.integers(len(there), size=(_BUDGET.resamplings, len(there)))].mean(axis=1)
+    mean_errors = there[rng.integers(len(there), size=(_BUDGET.resamplings, len(there)))].mean(
+        axis=1
+    )
     minima = _resampled_minima(trials)
     floor = None  # the mean change of a run's error by the start noise that a scene declares
     if (manifest := scene.source.manifest) is not None and manifest.perturb is not None:
@@ -229,8 +233,8 @@ def _make_report(trials: _Trials, scene: Scene, held_out: Sequence[float]) -> Fi
         fitted_error=float(errors.mean()),
         held_out={f"{run:g}": float(x) for run, x in zip(held_out, there, strict=True)},
         held_out_error=float(there.mean()),
-        held_out_interval=tuple(np.percentile(drawn, [2.5, 97.5]).tolist()),
-        current_error=float(written.mean()),
+        held_out_interval=tuple(np.percentile(mean_errors, [2.5, 97.5]).tolist()),
+        current_error=float(current_errors.mean()),
         noise_floor=floor,
         lines=write_model(scene, edits, trials.session.folder / "fitted", FITTED).lines,
         runs=trials.runs,
@@ -260,9 +264,9 @@ def _fitted_setting(trials: _Trials, best: Floats, place: int, minima: Floats) -
         *(middle + wider * (end - middle) for end in ends),
         *points[_is_as_good(every), place],
     ]
-    known = [knob.value(min(max(position, 0), 1)) for position in places]
-    known += [value for value, same in zip(values, alike, strict=True) if same]
-    numbers = [value for value in known if isinstance(value, float)]
+    equal_values = [knob.value(min(max(position, 0), 1)) for position in places]
+    equal_values += [value for value, same in zip(values, alike, strict=True) if same]
+    numbers = [value for value in equal_values if isinstance(value, float)]
     return FittedSetting(
         name=name,
         value=values[0],

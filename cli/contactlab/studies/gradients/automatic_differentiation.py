@@ -14,9 +14,9 @@ ADAPTIVE = f"{ENGINE}-adaptive"
 
 def engine() -> AdaptedEngine:
     """Return the engine that differentiates."""
-    found = ENGINES[ENGINE]
-    assert isinstance(found, AdaptedEngine)
-    return found
+    adapted_engine = ENGINES[ENGINE]
+    assert isinstance(adapted_engine, AdaptedEngine)
+    return adapted_engine
 
 
 def automatic(runs: PreparedRuns, place: int, spread: float, accuracy: float = 0.0) -> float | None:

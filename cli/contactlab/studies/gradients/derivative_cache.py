@@ -32,8 +32,12 @@ class DerivativeCache:
     def of(cls, session: Session, question: Mapping[str, object]) -> "DerivativeCache":
         """Read the derivatives of a question and code; an OutputError if they are damaged."""
         code = hash_definitions(), hash_of_packages([__name__.rpartition(".")[0]])
-        asked = short_hash([*code, to_json(question).decode()])
-        return cls(session, asked, session.read(CACHE_FILE, _CachedDerivatives).get(asked, {}))
+        question_hash = short_hash([*code, to_json(question).decode()])
+        return cls(
+            session,
+            question_hash,
+            session.read(CACHE_FILE, _CachedDerivatives).get(question_hash, {}),
+        )
 
     def get(self, parameter: str, first: int) -> Sequence[GradientInput] | None:
         """Return the derivatives with respect to a parameter from a place on, or None."""

@@ -94,10 +94,10 @@ class Differentiation:
             for some, rough, value in zip(fine, coarse, values, strict=True)
         ]
         spread_share = 1e-6  # over the scale, of the two runs that a chain of steps differentiates
-        told: list[GradientInput] = []
+        inputs: list[GradientInput] = []
         for place, (point, value) in enumerate(zip(points, values, strict=True)):
             spread = spread_share * parameter_scale(value)
-            told.append(
+            inputs.append(
                 GradientInput(
                     value=value,
                     model=_find_difference(models[place]),
@@ -109,7 +109,7 @@ class Differentiation:
                     ladder=self._ladder_rungs(parameter, point, value) if self.ladder else (),
                 )
             )
-        return told
+        return inputs
 
     def _smoothing_runs(self, point: Point, coarser: int) -> "list[_Smoothed]":
         """Return the runs of one place at fine steps of different lengths, or coarser ones."""
@@ -117,14 +117,14 @@ class Differentiation:
         # Extra steps of the runs of each pair of points: events then fall anywhere within a step.
         more_steps = (0, 6, 10, 18, 22, 30, 38, 42, 54, 58, 66, 74)
         half, steps = len(more_steps), run.steps * self.finer
-        found: list[_Smoothed] = []
+        smoothed: list[_Smoothed] = []
         for span in PLAN.wide_spans:
             for number, about in enumerate(PLAN.within):
                 # The two ends of a span have different steps.
                 turn = number if number < half else (2 * half - 1 - number + half // 2) % half
                 timestep = run.steps * run.timestep * coarser / (steps + more_steps[turn])
-                found.append(_Smoothed(point.at_step(timestep), float(span * about)))
-        return found
+                smoothed.append(_Smoothed(point.at_step(timestep), float(span * about)))
+        return smoothed
 
     def _end_values(self, points: Sequence[Point], places: int) -> list[Floats]:
         return list(self.subject.end_values(points).reshape(places, -1))
@@ -133,13 +133,15 @@ class Differentiation:
         self, parameter: Parameter, point: Point, value: float, spread: float
     ) -> dict[str, float | None]:
         """Return the derivative by each other method."""
-        told: dict[str, float | None] = {}
+        method_values: dict[str, float | None] = {}
         for name, method in self.methods.items():
-            given = replace(point, values={**point.values, **method.settings})
+            point_of_method = replace(point, values={**point.values, **method.settings})
             sides = (value, value + spread, value - spread)
-            runs = self.subject.prepare([parameter.with_value(given, side) for side in sides])
-            told[name] = method.derivative(runs, self.subject.place, 2 * spread)
-        return told
+            runs = self.subject.prepare(
+                [parameter.with_value(point_of_method, side) for side in sides]
+            )
+            method_values[name] = method.derivative(runs, self.subject.place, 2 * spread)
+        return method_values
 
     def _ladder_rungs(
         self, parameter: Parameter, point: Point, value: float

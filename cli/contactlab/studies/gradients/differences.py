@@ -132,10 +132,10 @@ def _fit_polynomials(values: Floats, degree: int) -> tuple[Floats, Floats]:
     """Return (K,) slopes at the middle of polynomials through (K, M) values, and their errors."""
     powers = np.vander(PLAN.within, degree + 1, increasing=True)
     inverse = np.linalg.pinv(powers)
-    found = values @ inverse.T
-    rest = values - found @ powers.T
+    coefficients = values @ inverse.T
+    rest = values - coefficients @ powers.T
     deviations = np.sqrt((rest**2).sum(axis=1) / (len(PLAN.within) - degree - 1))
-    return found[:, 1], deviations * float(np.linalg.norm(inverse[1]))
+    return coefficients[:, 1], deviations * float(np.linalg.norm(inverse[1]))
 
 
 def _smallest_bound(values: Floats, bounds: Floats, spans: Floats) -> Estimate:

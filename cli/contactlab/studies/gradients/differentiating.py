@@ -96,7 +96,7 @@ def differentiate_scene(request: GradientsRequest, session: Session) -> Gradient
     store = session.run(sweep)
     finer = request.refinement or (2 if is_map else 4)
     how = Differentiation(subject, finer, methods, ladder=not is_map)
-    kept = DerivativeCache.of(
+    cache = DerivativeCache.of(
         session,
         {
             "runs": [sweep.scene.run_id(subject.resolve(point)) for point in points],
@@ -105,19 +105,19 @@ def differentiate_scene(request: GradientsRequest, session: Session) -> Gradient
         },
     )
     derivatives = {
-        each.name: _differentiate_all(how, each, points, kept)
+        each.name: _differentiate_all(how, each, points, cache)
         for each in count_steps(parameters, "inputs", len(parameters))
     }
     ends, modes = subject.end_values(points), subject.contact_modes(points)
-    most = max(influence(by) for found in derivatives.values() for by in found)
+    most = max(influence(by) for inputs in derivatives.values() for by in inputs)
     places = tuple(
         GradientPlace(
             settings={name: axis_cell(value) for name, value in point.values.items()},
             end=ends[place],
             mode=modes[place],
             inputs={
-                name: _with_verdicts(found[place], request.tolerance, most)
-                for name, found in derivatives.items()
+                name: _with_verdicts(inputs[place], request.tolerance, most)
+                for name, inputs in derivatives.items()
             },
         )
         for place, point in enumerate(points)
@@ -163,8 +163,8 @@ def _read_sweep(request: GradientsRequest, session: Session) -> SweepRequest:
         overrides=Overrides(assign=(*request.assign, *request.task.settings)),
         drive=request.task.drive,
     )
-    for planned in sweep.plan.iterate_runs():
-        spec = sweep.scene.resolve(planned.values, planned.seed, sweep.plan.sweep.duration)
+    for run in sweep.plan.iterate_runs():
+        spec = sweep.scene.resolve(run.values, run.seed, sweep.plan.sweep.duration)
         if spec.engine != MODEL_ENGINE:
             raise SweepFileError(f"engine {spec.engine}: only runs of MuJoCo are differentiated")
         if isinstance(spec.drive, PolicyDrive):
@@ -206,19 +206,19 @@ def _default_inputs(scene: Scene, subject: DifferentiatedScene, point: Point) ->
 
 
 def _differentiate_all(
-    how: Differentiation, parameter: Parameter, points: Sequence[Point], kept: DerivativeCache
+    how: Differentiation, parameter: Parameter, points: Sequence[Point], cache: DerivativeCache
 ) -> list[GradientInput]:
-    found: list[GradientInput] = []
+    inputs: list[GradientInput] = []
     batches = range(0, len(points), _BATCH_SIZE)
     for first in count_steps(batches, "batches of places", len(batches)):
-        some = kept.get(parameter.name, first)
+        some = cache.get(parameter.name, first)
         if some is None:
             some = how.by(parameter, points[first : first + _BATCH_SIZE])
-            kept.add(parameter.name, first, some)
-        found += some
+            cache.add(parameter.name, first, some)
+        inputs += some
         if len(points) > 1:
-            kept.session.notify(f"{parameter.name}: {len(found)} of {len(points)} places")
-    return found
+            cache.session.notify(f"{parameter.name}: {len(inputs)} of {len(points)} places")
+    return inputs
 
 
 def _with_verdicts(by: GradientInput, tolerance: float, most: float) -> GradientInput:
@@ -236,11 +236,11 @@ def _find_bands(
     for parameter, name in product(places[0].inputs, methods):
         verdicts = [place.inputs[parameter].verdicts[name] for place in places]
         unusable = np.array([each != "agrees" for each in verdicts]).reshape(shape)
-        counted = Counter(verdicts)
+        counts_of_verdicts = Counter(verdicts)
         yield Band(
             parameter=parameter,
             method=name,
-            counts={each: counted[each] for each in GRADIENT_VERDICTS},
+            counts={each: counts_of_verdicts[each] for each in GRADIENT_VERDICTS},
             share=float(unusable.mean()),
             widths={
                 axis: float(unusable.sum(axis=number).mean())

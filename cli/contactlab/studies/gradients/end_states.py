@@ -63,13 +63,18 @@ class DifferentiatedScene:
         """Find the coordinate; a SweepFileError says that it is not one of the state."""
         model = scene.base({}).model
         end = part_starts(model)["act"]
-        known = {each: place for each, place in coordinate_indices(model).items() if place < end}
-        if name not in known:
-            near = did_you_mean(name, known) or f"; write one of {', '.join(list(known)[:8])}"
+        coordinate_places = {
+            each: place for each, place in coordinate_indices(model).items() if place < end
+        }
+        if name not in coordinate_places:
+            near = (
+                did_you_mean(name, coordinate_places)
+                or f"; write one of {', '.join(list(coordinate_places)[:8])}"
+            )
             raise SweepFileError(
                 f"--output-coordinate {name}: no such coordinate of the state{near}"
             )
-        return cls(scene, known[name], duration, threads)
+        return cls(scene, coordinate_places[name], duration, threads)
 
     def resolve(self, point: Point) -> RunSpec:
         """Return the specification of a run, without the changed coordinates."""
@@ -82,19 +87,20 @@ class DifferentiatedScene:
 
     def find_parameter(self, name: str) -> "Parameter":
         """Return a parameter; a SweepFileError says that this name is unknown."""
-        known = {
+        known_places = {
             each: place
             for each, place in coordinate_indices(self.model).items()
             if not each.endswith(_QUATERNION)
         }
-        if name in known and name not in self.scene.catalogue.names:
-            return Parameter(name, known[name], lambda value: value)
+        if name in known_places and name not in self.scene.catalogue.names:
+            return Parameter(name, known_places[name], lambda value: value)
         spec = self.scene.catalogue.find(name)
         if spec is None:
             some = (
-                f"; write one of {', '.join(list(known)[:8])}, or of `contactlab list axes SCENE`"
+                f"; write one of {', '.join(list(known_places)[:8])}, or of `contactlab list axes "
+                "SCENE`"
             )
-            near = did_you_mean(name, [*self.scene.catalogue.names, *known]) or some
+            near = did_you_mean(name, [*self.scene.catalogue.names, *known_places]) or some
             raise SweepFileError(f"--input {name}: no such axis or coordinate{near}")
         if name == "timestep" or spec.choices:
             raise SweepFileError(
@@ -171,8 +177,8 @@ class Parameter:
             # the friction of a pair has two sliding and two rolling coefficients
             value = spec.split(numbers[0:1] + numbers[2:4] if whole == "friction" else numbers)
             value = value.get(self.name)
-        if value is None and (found := find_field(subject.model, self.name)):
-            value = float(found[0][found[1]])
+        if value is None and (field_place := find_field(subject.model, self.name)):
+            value = float(field_place[0][field_place[1]])
         try:
             return as_number(value)
         except TypeError:

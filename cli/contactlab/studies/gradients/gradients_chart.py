@@ -44,7 +44,7 @@ def _ladder_chart(report: GradientsReport) -> alt.TopLevelMixin:
         constant = max(abs(model) / 2, 1e-12)
         y = alt.Y("value:Q").scale(type="symlog", constant=constant)
         lines = layer_of(f"ladder {name}", rows).mark_line(point=True)
-        drawn = lines.encode(
+        ladder_lines = lines.encode(
             x, y.axis(title="difference", tickCount=6), alt.Color("step:N", sort=None)
         )
         bound = by.model.bound or 0.0
@@ -53,7 +53,7 @@ def _ladder_chart(report: GradientsReport) -> alt.TopLevelMixin:
         shade = layer.mark_rect(opacity=0.2, color="#5790fc")
         shade = shade.encode(alt.Y("low:Q"), alt.Y2("high:Q"))
         rule = layer.mark_rule(color="#5790fc").encode(alt.Y("value:Q"))
-        panels.append(alt.layer(shade, rule, drawn).properties(width=260, height=170))
+        panels.append(alt.layer(shade, rule, ladder_lines).properties(width=260, height=170))
     chart = alt.concat(*panels, columns=2).resolve_scale(x="independent", y="independent")
     return chart.properties(title=_chart_title(report))
 

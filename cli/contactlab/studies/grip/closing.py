@@ -242,8 +242,8 @@ def _mean_distances(places: Floats, pairs: Sequence[tuple[int, int]]) -> Floats:
 def _main_effects(signs: Floats, values: Floats) -> Floats:
     """Return main effects (nu, ...): the mean of values where a control is high, less where low."""
     high = signs > 0
-    found = [values[each].mean(axis=0) - values[~each].mean(axis=0) for each in high.T]
-    return np.nan_to_num(np.array(found))
+    effects = [values[each].mean(axis=0) - values[~each].mean(axis=0) for each in high.T]
+    return np.nan_to_num(np.array(effects))
 
 
 def _find_fingertips(fixture: GripFixture, model: mujoco.MjModel, places: Floats) -> list[int]:
@@ -301,7 +301,7 @@ def _facing_pairs(
     Fingers with less than half of the largest approach are links of others, and are skipped.
     """
     owners = [[_finger_geoms(fixture, model, tip) for tip in side] for side in sides]
-    found = list[tuple[float, tuple[int, int]]]()
+    approaches = list[tuple[float, tuple[int, int]]]()
     # The fingers are nearest where the mean distance of their tips is least.
     tips = list(product(*sides))
     distances = [_mean_distances(_geoms_at(model, qpos)[None], tips)[0] for qpos in path]
@@ -315,9 +315,9 @@ def _facing_pairs(
         beside = np.array([_lateral_offset(before, after, pair) for pair in pairs])
         alike = approach > _CLOSING.alike_approach * approach.max()
         best = int(np.argmin(np.where(alike, np.maximum(closed, 0) + beside, np.inf)))
-        found.append((float(approach[best]), pairs[best]))
-    most = max(approach for approach, _ in found)
-    return tuple(pair for approach, pair in found if approach > most / 2)
+        approaches.append((float(approach[best]), pairs[best]))
+    most = max(approach for approach, _ in approaches)
+    return tuple(pair for approach, pair in approaches if approach > most / 2)
 
 
 def _finger_geoms(fixture: GripFixture, model: mujoco.MjModel, tip: int) -> list[int]:
@@ -407,8 +407,8 @@ def fit_object(fixture: GripFixture, closing: Closing, factor: float = 1.0) -> G
     """
     least, most = max(float(closing.gaps.min()), 0.0), closing.opening
     across, side, out = DEFAULT_OBJECT.size
-    kept = _CLOSING.travel_margin * (most - least)
-    width = float(np.clip(across, least + kept, most - kept))
+    margin = _CLOSING.travel_margin * (most - least)
+    width = float(np.clip(across, least + margin, most - margin))
     shrunk = min(1.0, width / across)
     at = int(np.flatnonzero(closing.gaps >= width)[-1])
     ends = np.array(
@@ -418,7 +418,7 @@ def fit_object(fixture: GripFixture, closing: Closing, factor: float = 1.0) -> G
     beside = float(np.abs((ends - point) @ turn[:, 1]).max())
     size = (width, max(shrunk * side, _CLOSING.overhang * 2 * beside), shrunk * out)
     fits = replace(DEFAULT_OBJECT, size=size).scale_extents(factor)
-    return replace(fits, size=(max(fits.size[0], least + kept), *fits.size[1:]))
+    return replace(fits, size=(max(fits.size[0], least + margin), *fits.size[1:]))
 
 
 def pads_center(fixture: GripFixture, closing: Closing) -> Floats | None:
@@ -427,10 +427,10 @@ def pads_center(fixture: GripFixture, closing: Closing) -> Floats | None:
     The nearest points of flat pads may be corners, between which a round object rolls out.
     """
     try:
-        held = squeeze_object(fixture, closing)
+        squeeze = squeeze_object(fixture, closing)
     except SceneError:
         return None
-    return held.points.mean(axis=0) if held.is_held else None
+    return squeeze.points.mean(axis=0) if squeeze.is_held else None
 
 
 def contact_frame(fixture: GripFixture, closing: Closing) -> tuple[Floats, Floats]:
@@ -453,8 +453,10 @@ def _finger_contacts(fixture: GripFixture, closing: Closing, at: int) -> tuple[F
     """
     earlier = closing.gaps > closing.gaps[at] + _CLOSING.approach_share * closing.opening
     before = int(np.flatnonzero(earlier)[-1]) if earlier.any() else 0
-    found = [_measure_clearance(fixture.model, closing.path[at], pair)[1] for pair in closing.pairs]
-    ends: Floats = np.array(found).mean(axis=0)
+    contact_ends = [
+        _measure_clearance(fixture.model, closing.path[at], pair)[1] for pair in closing.pairs
+    ]
+    ends: Floats = np.array(contact_ends).mean(axis=0)
     apart = [
         np.mean([places[other] - places[one] for one, other in closing.pairs], axis=0)
         for places in (_geoms_at(fixture.model, closing.path[each]) for each in (before, at))
@@ -502,30 +504,30 @@ def squeeze_object(fixture: GripFixture, closing: Closing, centre: Floats | None
         turn = _object_frame(fixture, point, turn[:, 0])
     reach = 2 * fixture.half[2]
     most_overlap = _CLOSING.overlap_share * fixture.half[0]
-    deep, tried = list[float](), list[Approach]()
+    deep, approaches = list[float](), list[Approach]()
     for depth in _CLOSING.depths:
         # The fingers start opened, or at the first place with room, such as curled around.
-        found = list[tuple[float, Approach]]()
+        depths = list[tuple[float, Approach]]()
         for start in (0, *np.flatnonzero(closing.gaps >= 2 * fixture.half[0]).tolist()):
             candidate = Approach(point - depth * reach * turn[:, 2], turn, start)
             data = data_at(
                 fixture.model, start_row(fixture.model, _initial_pose(fixture, closing, candidate))
             )
             contacts = find_contacts(fixture.model, data, fixture.body)
-            found.append((max((contact.depth for contact in contacts), default=0.0), candidate))
-            if found[-1][0] <= most_overlap:
+            depths.append((max((contact.depth for contact in contacts), default=0.0), candidate))
+            if depths[-1][0] <= most_overlap:
                 break
-        overlap, approach = min(found, key=lambda one: one[0])
+        overlap, approach = min(depths, key=lambda one: one[0])
         deep.append(overlap)
         if overlap > most_overlap:
             continue
-        tried += [approach, replace(approach, is_still=True)]
-    if not tried:
+        approaches += [approach, replace(approach, is_still=True)]
+    if not approaches:
         raise SceneError(
             f"the object does not fit between the opened fingers: it overlaps them by "
             f"{1e3 * min(deep):.3g} mm; give a smaller or flatter one with --object"
         )
-    for approach in tried:
+    for approach in approaches:
         first = close_at(fixture, closing, approach, closing.closed_controls)
         if not first.is_held:
             continue
@@ -540,7 +542,7 @@ def squeeze_object(fixture: GripFixture, closing: Closing, centre: Floats | None
         )
         second = close_at(fixture, closing, centred, closing.closed_controls)
         return second if second.is_held else first
-    return close_at(fixture, closing, tried[0], closing.closed_controls)
+    return close_at(fixture, closing, approaches[0], closing.closed_controls)
 
 
 def _initial_pose(fixture: GripFixture, closing: Closing, approach: Approach) -> Floats:
@@ -570,8 +572,8 @@ def close_at(
     heavy = replace(fixture, model=model)
     path, row = _ramp_control(heavy.model, row, begin, control)
     before = _wait_until_settled(heavy, row, control, approach.turn, [path])
-    found = _wait_until_settled(fixture, before.row, control, approach.turn, [before.path])
-    return replace(found, approach=approach)
+    squeeze = _wait_until_settled(fixture, before.row, control, approach.turn, [before.path])
+    return replace(squeeze, approach=approach)
 
 
 def _wait_until_settled(
@@ -608,8 +610,8 @@ def measure_squeeze(
     """Return the squeeze on the object in a state."""
     data = data_at(fixture.model, row)
     forces = np.zeros(len(fixture.fingers) + 1)
-    found = find_contacts(fixture.model, data, fixture.body)
-    for contact in found:
+    contacts = find_contacts(fixture.model, data, fixture.body)
+    for contact in contacts:
         body = int(fixture.model.geom_bodyid[contact.geom])
         side = next((n for n, finger in enumerate(fixture.fingers) if body in finger), -1)
         forces[side] += contact.force
@@ -619,8 +621,8 @@ def measure_squeeze(
         turn=turn,
         path=path,
         forces=tuple(forces.tolist()),
-        depth=max((contact.depth for contact in found), default=0.0),
-        points=np.array([contact.point for contact in found]).reshape(-1, 3),
-        geoms=tuple(sorted({contact.geom for contact in found})),
+        depth=max((contact.depth for contact in contacts), default=0.0),
+        points=np.array([contact.point for contact in contacts]).reshape(-1, 3),
+        geoms=tuple(sorted({contact.geom for contact in contacts})),
         approach=None,
     )

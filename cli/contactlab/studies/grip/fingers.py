@@ -90,11 +90,11 @@ def _driven_bodies(model: mujoco.MjModel) -> set[int]:
 
 def list_subtree(model: mujoco.MjModel, body: int) -> list[int]:
     """Return a body and all bodies that it carries."""
-    kept = {body}
+    subtree = {body}
     for each in range(body + 1, model.nbody):
-        if int(model.body_parentid[each]) in kept:
-            kept.add(each)
-    return sorted(kept)
+        if int(model.body_parentid[each]) in subtree:
+            subtree.add(each)
+    return sorted(subtree)
 
 
 def find_hand(model: mujoco.MjModel, base: str | None = None) -> Hand:
@@ -122,9 +122,9 @@ def find_hand(model: mujoco.MjModel, base: str | None = None) -> Hand:
         bodies = sorted(above, key=lambda body: (weight[body], -body))
     for least in (2, 1):
         for body in bodies:
-            found = _hand_at(model, body, carriers)
-            if found is not None and len(found.fingers) >= least:
-                return found
+            hand = _hand_at(model, body, carriers)
+            if hand is not None and len(hand.fingers) >= least:
+                return hand
     raise SceneError(f"no actuator moves two bodies towards each other; {NO_HAND}")
 
 
@@ -193,8 +193,8 @@ def is_colliding(model: mujoco.MjModel, geom: int) -> bool:
 
 def geoms_of(model: mujoco.MjModel, bodies: tuple[int, ...] | list[int]) -> list[int]:
     """Return the geoms of bodies that take part in collisions."""
-    found = np.flatnonzero(np.isin(model.geom_bodyid, bodies))
-    return [int(geom) for geom in found if is_colliding(model, int(geom))]
+    geom_ids = np.flatnonzero(np.isin(model.geom_bodyid, bodies))
+    return [int(geom) for geom in geom_ids if is_colliding(model, int(geom))]
 
 
 def _hand_at(model: mujoco.MjModel, base: int, carriers: _Carriers) -> Hand | None:

@@ -27,21 +27,21 @@ def film_writer(
         OutputError: the file type is not a film, or a required package is not installed.
     """
     check_film(target)
-    shown = rate or RATES[target.suffix.lower()]
+    frame_rate = rate or RATES[target.suffix.lower()]
 
     def film(grip: Grip) -> None:
         model = grip.fixture.model.__copy__()
         model.site_rgba[:, 3] = 0  # hides markers of programs, such as grasp points
-        chapters = list(_film_chapters(grip, shown))
-        write_states(target, model, chapters, grip.fixture.body, size=size, rate=shown)
+        chapters = list(_film_chapters(grip, frame_rate))
+        write_states(target, model, chapters, grip.fixture.body, size=size, rate=frame_rate)
 
     return film
 
 
 def _film_chapters(grip: Grip, rate: int) -> Iterator[Chapter]:
-    model, held = grip.fixture.model, grip.squeeze
+    model, squeeze = grip.fixture.model, grip.squeeze
     every = max(1, round(1 / (rate * model.opt.timestep)))
-    row = held.row.copy()
+    row = squeeze.row.copy()
     worst = worst_drift(grip.measure_drifts())
     steps = round(worst.seconds / model.opt.timestep)
     way = grip.directions().get(worst.name, np.zeros(3))
@@ -52,17 +52,17 @@ def _film_chapters(grip: Grip, rate: int) -> Iterator[Chapter]:
         (f"its weight pulls {worst.name}", repeat_input(loaded, 1, steps)[0]),
         (
             "shaken, 5 m/s2 at 5 Hz",
-            shake_forces(grip.fixture, held, grip.load, grip.load.gravity * way),
+            shake_forces(grip.fixture, squeeze, grip.load, grip.load.gravity * way),
         ),
-        ("pulled", pull_forces(grip.fixture, held, grip.load, grip.directions()[grip.names[0]])),
+        ("pulled", pull_forces(grip.fixture, squeeze, grip.load, grip.directions()[grip.names[0]])),
     ]
     if grip.closing is not None:
         # States of closing fingers lack velocities, which a film does not show.
-        path = held.path[::every]
-        rows = np.repeat(held.row[None], len(path), axis=0)
+        path = squeeze.path[::every]
+        rows = np.repeat(squeeze.row[None], len(path), axis=0)
         time = 1  # mjSTATE_INTEGRATION begins with the time, then qpos
         rows[:, time : time + model.nq] = path
         yield Chapter("closing", rows)
     for words, forces in parts:
-        controls = repeat_input(held.control, 1, len(forces))[0]
+        controls = repeat_input(squeeze.control, 1, len(forces))[0]
         yield Chapter(words, states_along(model, row, controls, forces, every))

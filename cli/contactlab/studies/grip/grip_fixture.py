@@ -43,7 +43,7 @@ class MountedHand:
 
 
 def mount_hand(
-    spec: mujoco.MjSpec, model: mujoco.MjModel, hand: Hand, kept: str = ""
+    spec: mujoco.MjSpec, model: mujoco.MjModel, hand: Hand, kept_body: str = ""
 ) -> MountedHand:
     """Return a hand with its base fixed in its pose at qpos0.
 
@@ -77,18 +77,22 @@ def mount_hand(
     parts += [joint for joint in cut.joints if model.joint(joint.name).id not in joints]
     for part in parts:
         cut.delete(part)
-    gone = {body for root in loose_bodies(model) for body in list_subtree(model, root)} - own
+    loose_parts = {body for root in loose_bodies(model) for body in list_subtree(model, root)} - own
     for body in list(cut.bodies):
         number = model.body(body.name).id
-        if number in gone and int(model.body_parentid[number]) not in gone and body.name != kept:
+        if (
+            number in loose_parts
+            and int(model.body_parentid[number]) not in loose_parts
+            and body.name != kept_body
+        ):
             cut.delete(body)
     # Fix lights and cameras that target a deleted body.
-    left = {body.name for body in cut.bodies}
+    remaining_bodies = {body.name for body in cut.bodies}
     for view in (*cut.lights, *cut.cameras):
-        if view.targetbody and view.targetbody not in left:
+        if view.targetbody and view.targetbody not in remaining_bodies:
             view.targetbody = ""
             view.mode = mujoco.mjtCamLight.mjCAMLIGHT_FIXED
-    colliding = {*(model.body(body).name for body in own), kept}
+    colliding = {*(model.body(body).name for body in own), kept_body}
     for geom in cut.geoms:
         if geom.parent.name not in colliding:
             geom.contype = geom.conaffinity = 0
@@ -130,7 +134,7 @@ def _acts_within(
 
 def _tendons_of(model: mujoco.MjModel, joints: set[int], sites: set[int]) -> set[int]:
     """Return the tendons that act on these joints, and pass only these sites."""
-    found = set[int]()
+    tendons = set[int]()
     for tendon in range(model.ntendon):
         first, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
         wraps = range(first, first + count)
@@ -141,8 +145,8 @@ def _tendons_of(model: mujoco.MjModel, joints: set[int], sites: set[int]) -> set
             if (kind := _WRAPPED.get(int(model.wrap_type[wrap])))
         ]
         if inside and all(inside):
-            found.add(tendon)
-    return found
+            tendons.add(tendon)
+    return tendons
 
 
 def _is_within(
@@ -192,17 +196,19 @@ class GripFixture:
     middle: Floats
 
 
-def add_object(mounted_hand: MountedHand, held: GrippedObject) -> GripFixture:
+def add_object(mounted_hand: MountedHand, gripped: GrippedObject) -> GripFixture:
     """Compile a mounted hand with an object that collides with the whole hand.
 
     Raises:
         SceneError: the object is not a body of the model, or does not compile.
     """
     spec = mounted_hand.spec.copy()
-    if held.shape == "body":
+    if gripped.shape == "body":
         names = [body.name for body in spec.bodies]
-        SceneError.unless_known(held.name, names, f"--object: no body '{held.name}' in the model")
-        body, name = spec.body(held.name), held.name
+        SceneError.unless_known(
+            gripped.name, names, f"--object: no body '{gripped.name}' in the model"
+        )
+        body, name = spec.body(gripped.name), gripped.name
         if body.parent.name != "world":
             raise SceneError(
                 f"--object {name}: it is fixed to {body.parent.name}; name a free body"
@@ -218,16 +224,16 @@ def add_object(mounted_hand: MountedHand, held: GrippedObject) -> GripFixture:
         bits = 1
         for geom in spec.geoms:
             bits |= int(geom.contype) | int(geom.conaffinity)
-        given: dict[str, Any] = {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": _NAME}
-        if held.shape == "mesh":
-            spec.add_mesh(name=_NAME, file=str(Path(held.name)))
+        geom_fields: dict[str, Any] = {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": _NAME}
+        if gripped.shape == "mesh":
+            spec.add_mesh(name=_NAME, file=str(Path(gripped.name)))
         else:
-            across, second, third = (length / 2 for length in held.size)
-            size = [across, second, third] if held.shape == "box" else [across, third, 0.0]
-            given = {"type": _KINDS[held.shape], "size": size}
+            across, second, third = (length / 2 for length in gripped.size)
+            size = [across, second, third] if gripped.shape == "box" else [across, third, 0.0]
+            geom_fields = {"type": _KINDS[gripped.shape], "size": size}
         body.add_geom(
             name=_NAME,
-            mass=held.mass,
+            mass=gripped.mass,
             contype=bits,
             conaffinity=bits,
             condim=3,
@@ -236,7 +242,7 @@ def add_object(mounted_hand: MountedHand, held: GrippedObject) -> GripFixture:
             # Geoms outside this group range are ignored for inertia.
             group=max(0, int(spec.compiler.inertiagrouprange[0])),
             rgba=[0.9, 0.6, 0.2, 1],
-            **given,
+            **geom_fields,
         )
     try:
         model = spec.compile()

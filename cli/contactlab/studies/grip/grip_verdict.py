@@ -68,20 +68,23 @@ class GripEvidence:
 
     def is_halved_by(self, name: str) -> bool:
         """Return whether a fix halves the speed at least, or holds an object that was lost."""
-        left = self.speeds_with_fixes.get(name, math.inf)
-        return math.isfinite(left) and left <= _HALVED_SHARE * self.speed
+        new_speed = self.speeds_with_fixes.get(name, math.inf)
+        return math.isfinite(new_speed) and new_speed <= _HALVED_SHARE * self.speed
 
 
-def find_causes(known: GripEvidence) -> list[tuple[CauseKind, str]]:
+def find_causes(evidence: GripEvidence) -> list[tuple[CauseKind, str]]:
     """Return why an object does not stay, the first cause first; each is shown by an experiment."""
-    found = list[tuple[CauseKind, str]]()
-    if known.word not in ("holds", "penetrates") and (first := _first_cause(known)) is not None:
-        found.append(first)
+    causes = list[tuple[CauseKind, str]]()
+    if (
+        evidence.word not in ("holds", "penetrates")
+        and (first := _first_cause(evidence)) is not None
+    ):
+        causes.append(first)
     deep_share = 0.1  # share of half of the object's width
-    if known.deep > deep_share:
-        share = f"{known.deep:.0%} of half of its width"
-        found.append(("deep penetration", f"the fingers penetrate it by {share}"))
-    return found
+    if evidence.deep > deep_share:
+        share = f"{evidence.deep:.0%} of half of its width"
+        causes.append(("deep penetration", f"the fingers penetrate it by {share}"))
+    return causes
 
 
 _BY_EXPERIMENT: tuple[tuple[str, CauseKind, str], ...] = (
@@ -92,39 +95,42 @@ _BY_EXPERIMENT: tuple[tuple[str, CauseKind, str], ...] = (
 )
 
 
-def _first_cause(known: GripEvidence) -> tuple[CauseKind, str] | None:
-    if not known.pressed:
+def _first_cause(evidence: GripEvidence) -> tuple[CauseKind, str] | None:
+    if not evidence.pressed:
         return "shape", "it slips out while the fingers close, before it is loaded"
-    if known.word == "drops" and known.pull < known.weight:
+    if evidence.word == "drops" and evidence.pull < evidence.weight:
         kind: CauseKind = "weak squeeze"
         end = ", and neither more friction nor more squeeze is enough"
-        if known.is_halved_by("squeeze"):
+        if evidence.is_halved_by("squeeze"):
             end = "; more squeeze holds it"
-        elif known.is_halved_by("friction"):
+        elif evidence.is_halved_by("friction"):
             kind, end = "Coulomb's limit", "; more friction holds it"
-        held = f"the fingers hold {known.pull:.3g} N, the object weighs {known.weight:.3g} N"
-        return kind, f"{held}{end}"
-    if known.idle > min(_HALVED_SHARE * known.speed, known.tolerance):
+        pull_text = (
+            f"the fingers hold {evidence.pull:.3g} N, the object weighs {evidence.weight:.3g} N"
+        )
+        return kind, f"{pull_text}{end}"
+    if evidence.idle > min(_HALVED_SHARE * evidence.speed, evidence.tolerance):
         # Friction carries no load then, so the cause is not its regularization.
         return "shape", (
-            f"without a load it moves at {1e3 * known.idle:.2g} mm/s already: the fingers push it, "
+            f"without a load it moves at {1e3 * evidence.idle:.2g} mm/s already: the fingers push "
+            "it, "
             "by their shape or their soft contacts"
         )
-    if known.is_halved_by("regularized"):
-        return "regularized friction", _regularized_cause(known)
+    if evidence.is_halved_by("regularized"):
+        return "regularized friction", _regularized_cause(evidence)
     for against, kind, text in _BY_EXPERIMENT:
-        if known.is_halved_by(against):
+        if evidence.is_halved_by(against):
             return kind, text
     unknown: CauseKind = "unknown"
-    return (unknown, "no tested change halves the speed") if known.speeds_with_fixes else None
+    return (unknown, "no tested change halves the speed") if evidence.speeds_with_fixes else None
 
 
-def _regularized_cause(known: GripEvidence) -> str:
+def _regularized_cause(evidence: GripEvidence) -> str:
     text = "MuJoCo's friction is regularized, so that a held body creeps under any load"
-    more = known.speeds_with_fixes.get("friction", math.nan)
-    if math.isnan(more) or more < _HALVED_SHARE * known.speed:
+    more = evidence.speeds_with_fixes.get("friction", math.nan)
+    if math.isnan(more) or more < _HALVED_SHARE * evidence.speed:
         return text
     if not math.isfinite(more):
         return f"{text}; twice the friction makes it worse: the object is lost"
-    change = "makes it worse" if more > known.speed else "does not fix it"
+    change = "makes it worse" if more > evidence.speed else "does not fix it"
     return f"{text}; twice the friction {change}: {1e3 * more:.2g} mm/s"

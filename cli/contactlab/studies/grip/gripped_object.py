@@ -44,8 +44,8 @@ class GrippedObject:
         weight = f"{self.mass:.3g} kg"
         if self.shape == "mesh":
             return f"{Path(self.name).name} of {weight}"
-        shown = self.size if self.shape == "box" else self.size[::2]
-        sizes = "x".join(f"{1e3 * length:.4g}" for length in shown)
+        shown_lengths = self.size if self.shape == "box" else self.size[::2]
+        sizes = "x".join(f"{1e3 * length:.4g}" for length in shown_lengths)
         return f"a {self.shape} of {sizes} mm and {weight}"
 
     def scale_extents(self, factor: float) -> "GrippedObject":
@@ -62,20 +62,20 @@ def read_object(text: str | None) -> GrippedObject:
     """Return the object of an option; a SceneError says how to write one."""
     if text is None:
         return DEFAULT_OBJECT
-    if found := _SHAPE.fullmatch(text):
-        shape = "box" if found["shape"] == "box" else "cylinder"
-        lengths = [float(size) * _LENGTHS[found["unit"]] for size in found["sizes"].split("x")]
-        mass = float(found["mass"]) * _MASSES[found["weight"]] if found["mass"] else _DEFAULT_MASS
+    if match := _SHAPE.fullmatch(text):
+        shape = "box" if match["shape"] == "box" else "cylinder"
+        lengths = [float(size) * _LENGTHS[match["unit"]] for size in match["sizes"].split("x")]
+        mass = float(match["mass"]) * _MASSES[match["weight"]] if match["mass"] else _DEFAULT_MASS
         counts = {"box": 3, "cylinder": 2}
         if len(lengths) == counts[shape] and min(*lengths, mass) > 0:
             # A cylinder has two diameters across; its length is the third extent.
             first, *rest = lengths if shape == "box" else (lengths[0], *lengths)
             return GrippedObject(shape, (first, rest[0], rest[1]), mass)
-    elif text.startswith("mesh:") and (found := _MESH.fullmatch(text)):
-        mass = float(found["mass"]) * _MASSES[found["weight"]] if found["mass"] else _DEFAULT_MASS
-        if not Path(found["file"]).is_file():
-            raise SceneError(f"--object {text}: no file {found['file']}")
-        return GrippedObject("mesh", (0.0, 0.0, 0.0), mass, str(Path(found["file"]).resolve()))
+    elif text.startswith("mesh:") and (match := _MESH.fullmatch(text)):
+        mass = float(match["mass"]) * _MASSES[match["weight"]] if match["mass"] else _DEFAULT_MASS
+        if not Path(match["file"]).is_file():
+            raise SceneError(f"--object {text}: no file {match['file']}")
+        return GrippedObject("mesh", (0.0, 0.0, 0.0), mass, str(Path(match["file"]).resolve()))
     elif ":" not in text:
         return GrippedObject("body", (0.0, 0.0, 0.0), np.nan, text)
     raise SceneError(
@@ -90,10 +90,10 @@ _SPEED = re.compile(rf"(?P<speed>{_NUMBER})(?P<unit>mm|cm|m)/s")
 def read_speed(value: float | str) -> float:
     """Return a speed [m/s], as typed or as a number; a SweepFileError says how to write one."""
     if isinstance(value, str):
-        found = _SPEED.fullmatch(value)
-        if found is None:
+        match = _SPEED.fullmatch(value)
+        if match is None:
             raise SweepFileError(f"--tolerance {value}: write a speed, as in 0.1mm/s")
-        value = float(found["speed"]) * _LENGTHS[found["unit"]]
+        value = float(match["speed"]) * _LENGTHS[match["unit"]]
     if not value > 0:
         raise SweepFileError(f"--tolerance {value}: write a speed above 0, as in 0.1mm/s")
     return value

@@ -126,9 +126,9 @@ class Load:
 
     def load_forces(self, accelerations: Floats) -> Floats:
         """Return (..., nbody, 6) forces of accelerations (..., 3) [N]."""
-        found = np.zeros((*accelerations.shape[:-1], len(self.masses), 6))
-        found[..., :3] = self.masses[:, None] * (accelerations - self.own)[..., None, :]
-        return found
+        forces = np.zeros((*accelerations.shape[:-1], len(self.masses), 6))
+        forces[..., :3] = self.masses[:, None] * (accelerations - self.own)[..., None, :]
+        return forces
 
 
 def load_directions(squeeze: Squeeze, names: tuple[str, str]) -> dict[str, Floats]:
@@ -145,7 +145,7 @@ def load_directions(squeeze: Squeeze, names: tuple[str, str]) -> dict[str, Float
 
 
 def measure_drifts(
-    fixture: GripFixture, held: Squeeze, load: Load, ways: dict[str, Floats], seconds: float
+    fixture: GripFixture, squeeze: Squeeze, load: Load, ways: dict[str, Floats], seconds: float
 ) -> tuple[Drift, ...]:
     """Load a held object in each direction, and return its drifts.
 
@@ -155,24 +155,27 @@ def measure_drifts(
     names = [load.idle, *ways]
     forces = load.load_forces(load.gravity * np.array([*ways.values()]))
     forces = np.concatenate([np.zeros((1, fixture.model.nbody, 6)), forces])
-    axes = [held.turn[:, 0], *ways.values()]
-    left = [remaining_travel(fixture, held, way) for way in axes]
-    rows = repeat_input(held.row, len(forces), 1)[:, 0]
-    first = _observe_runs(fixture, held, rows, forces, seconds)
-    found = [_drift_of(fixture, *told) for told in zip(names, first, axes, left, strict=True)]
-    fastest = max((drift.speed for drift in found if has_settled(drift)), default=0.0)
+    axes = [squeeze.turn[:, 0], *ways.values()]
+    travels = [remaining_travel(fixture, squeeze, way) for way in axes]
+    rows = repeat_input(squeeze.row, len(forces), 1)[:, 0]
+    first = _observe_runs(fixture, squeeze, rows, forces, seconds)
+    drifts = [
+        _drift_of(fixture, *drift_inputs)
+        for drift_inputs in zip(names, first, axes, travels, strict=True)
+    ]
+    fastest = max((drift.speed for drift in drifts if has_settled(drift)), default=0.0)
     again = [
         run
-        for run, drift in enumerate(found)
+        for run, drift in enumerate(drifts)
         if not has_settled(drift) and max(drift.speed, drift.speeds[-1]) > fastest
     ]
     if again:
         rows = np.array([first[run].row for run in again])
-        more = _observe_runs(fixture, held, rows, forces[again], seconds)
+        more = _observe_runs(fixture, squeeze, rows, forces[again], seconds)
         for run, after in zip(again, more, strict=True):
-            seen = first[run].and_then(after)
-            found[run] = _drift_of(fixture, names[run], seen, axes[run], left[run])
-    return tuple(found)
+            longer_run = first[run].and_then(after)
+            drifts[run] = _drift_of(fixture, names[run], longer_run, axes[run], travels[run])
+    return tuple(drifts)
 
 
 class _ObservedRun(NamedTuple):
@@ -190,23 +193,25 @@ class _ObservedRun(NamedTuple):
 
 
 def _observe_runs(
-    fixture: GripFixture, held: Squeeze, rows: Floats, forces: Floats, seconds: float
+    fixture: GripFixture, squeeze: Squeeze, rows: Floats, forces: Floats, seconds: float
 ) -> list[_ObservedRun]:
     """Continue from states (n, nstate) for some seconds, under forces (n, nbody, 6)."""
     steps, count = max(_LOADING.samples, round(seconds / fixture.model.opt.timestep)), len(forces)
-    controls = repeat_input(held.control, count, steps)
+    controls = repeat_input(squeeze.control, count, steps)
     rolled = roll_out(fixture.model, rows, controls, np.repeat(forces[:, None], steps, axis=1))
     looks = np.linspace(0, steps - 1, _LOADING.samples + 1).astype(int)
-    found = list[_ObservedRun]()
+    observed = list[_ObservedRun]()
     for run in range(count):
         path = body_frames(fixture.model, rolled.qpos[run, looks], fixture.body, fixture.base)
         row, end = rolled.rows[run], None
         if not rolled.failed[run] and np.isfinite(path).all():
-            end = measure_squeeze(fixture, row, held.control, held.turn, rolled.qpos[run, looks])
+            end = measure_squeeze(
+                fixture, row, squeeze.control, squeeze.turn, rolled.qpos[run, looks]
+            )
         if end is not None and not sum(end.forces):
             end = None
-        found.append(_ObservedRun(row, path, steps * fixture.model.opt.timestep, end))
-    return found
+        observed.append(_ObservedRun(row, path, steps * fixture.model.opt.timestep, end))
+    return observed
 
 
 def has_settled(drift: Drift) -> bool:
@@ -218,25 +223,25 @@ def has_settled(drift: Drift) -> bool:
 
 
 def _drift_of(
-    fixture: GripFixture, name: str, seen: _ObservedRun, axis: Floats, left: float
+    fixture: GripFixture, name: str, observed: _ObservedRun, axis: Floats, travel: float
 ) -> Drift:
     """Return the drift of a run; it is lost if it left the fingers."""
-    path, duration, window = seen.path, seen.seconds, seen.seconds / _LOADING.windows
+    path, duration, window = observed.path, observed.seconds, observed.seconds / _LOADING.windows
     ends = path[:: _LOADING.samples // _LOADING.windows]
     speeds = np.linalg.norm(np.diff(ends, axis=0), axis=1) / window
-    told = tuple(float(speed) for speed in np.nan_to_num(speeds, nan=np.inf))
-    gone: Floats = np.linalg.norm(path - path[0], axis=1)
-    if seen.end is None or (gone.max() > left and not seen.end.is_held):
-        out = np.flatnonzero(~(gone <= left))
+    window_speeds = tuple(float(speed) for speed in np.nan_to_num(speeds, nan=np.inf))
+    distances: Floats = np.linalg.norm(path - path[0], axis=1)
+    if observed.end is None or (distances.max() > travel and not observed.end.is_held):
+        out = np.flatnonzero(~(distances <= travel))
         when = duration * (out[0] / _LOADING.samples if out.size else 1.0)
-        return Drift(name, duration, told, "lost", math.inf, left, float(when), path)
+        return Drift(name, duration, window_speeds, "lost", math.inf, travel, float(when), path)
     # Links of fingers may follow the object, so the cover at the end counts.
-    left = remaining_travel(fixture, seen.end, axis)
+    travel = remaining_travel(fixture, observed.end, axis)
     pace = fit_pace(speeds)
     windows = _LOADING.horizon / window
     speed = pace.travel_in(windows) / windows if pace.trend == "fading" else pace.speed
-    when = duration + window * pace.windows_until(left / window)
-    return Drift(name, duration, told, pace.trend, speed, left, when, path)
+    when = duration + window * pace.windows_until(travel / window)
+    return Drift(name, duration, window_speeds, pace.trend, speed, travel, when, path)
 
 
 class Pace(NamedTuple):
@@ -297,48 +302,48 @@ def fit_pace(speeds: Floats) -> Pace:
     return Pace(trend, last, change, min(change / before, last / two))
 
 
-def remaining_travel(fixture: GripFixture, held: Squeeze, way: Floats) -> float:
+def remaining_travel(fixture: GripFixture, squeeze: Squeeze, way: Floats) -> float:
     """Return the distance that an object can go until the middle of its contacts leaves it [m].
 
     From finger to finger it is the object's whole extent.
     """
-    data = data_at(fixture.model, held.row)
+    data = data_at(fixture.model, squeeze.row)
     turn = data.xmat[fixture.body].reshape(3, 3)
     middle = data.xpos[fixture.body] + turn @ fixture.middle
     reach = float(np.abs(turn.T @ way) @ fixture.half)
-    if abs(way @ held.turn[:, 0]) > math.sqrt(0.5):
+    if abs(way @ squeeze.turn[:, 0]) > math.sqrt(0.5):
         return 2 * reach
-    touched = held.points.mean(axis=0) if len(held.points) else middle
+    touched = squeeze.points.mean(axis=0) if len(squeeze.points) else middle
     return max(reach + float((touched - middle) @ way), 0.0)
 
 
-def shake_object(fixture: GripFixture, held: Squeeze, load: Load, down: Floats) -> GripTrial:
+def shake_object(fixture: GripFixture, squeeze: Squeeze, load: Load, down: Floats) -> GripTrial:
     """Shake a held object in a circle across the fingers, 5 m/s2 at 5 Hz, for a second."""
-    return _run_trial(fixture, held, shake_forces(fixture, held, load, load.gravity * down))
+    return _run_trial(fixture, squeeze, shake_forces(fixture, squeeze, load, load.gravity * down))
 
 
-def shake_forces(fixture: GripFixture, held: Squeeze, load: Load, gravity: Floats) -> Floats:
+def shake_forces(fixture: GripFixture, squeeze: Squeeze, load: Load, gravity: Floats) -> Floats:
     """Return (N, nbody, 6) forces of a shake under gravity (3,) [N]."""
     times = np.arange(0, _LOADING.shake_seconds, fixture.model.opt.timestep)[:, None]
-    _, side, out = held.turn.T
+    _, side, out = squeeze.turn.T
     angles = 2 * np.pi * _LOADING.shake_rate * times
     return load.load_forces(
         gravity + _LOADING.shake_acceleration * (np.cos(angles) * side + np.sin(angles) * out)
     )
 
 
-def turn_object(fixture: GripFixture, held: Squeeze, load: Load, down: Floats) -> GripTrial:
+def turn_object(fixture: GripFixture, squeeze: Squeeze, load: Load, down: Floats) -> GripTrial:
     """Turn gravity once about the axis from finger to finger, in two seconds."""
     times = np.arange(0, _LOADING.turn_seconds, fixture.model.opt.timestep)[:, None]
-    angles, axis = 2 * np.pi * times / _LOADING.turn_seconds, held.turn[:, 0]
+    angles, axis = 2 * np.pi * times / _LOADING.turn_seconds, squeeze.turn[:, 0]
     turning = np.cos(angles) * down + np.sin(angles) * np.cross(axis, down)
-    return _run_trial(fixture, held, load.load_forces(load.gravity * turning))
+    return _run_trial(fixture, squeeze, load.load_forces(load.gravity * turning))
 
 
-def _run_trial(fixture: GripFixture, held: Squeeze, forces: Floats) -> GripTrial:
+def _run_trial(fixture: GripFixture, squeeze: Squeeze, forces: Floats) -> GripTrial:
     steps = len(forces)
     rolled = roll_out(
-        fixture.model, held.row[None], repeat_input(held.control, 1, steps), forces[None]
+        fixture.model, squeeze.row[None], repeat_input(squeeze.control, 1, steps), forces[None]
     )
     looks = np.linspace(0, steps - 1, _LOADING.samples + 1).astype(int)
     path = body_frames(fixture.model, rolled.qpos[0, looks], fixture.body, fixture.base)
@@ -353,7 +358,7 @@ def _run_trial(fixture: GripFixture, held: Squeeze, forces: Floats) -> GripTrial
 
 
 def pull_object(
-    fixture: GripFixture, held: Squeeze, load: Load, ways: dict[str, Floats]
+    fixture: GripFixture, squeeze: Squeeze, load: Load, ways: dict[str, Floats]
 ) -> tuple[str, float]:
     """Pull a weightless held object with growing force until it slips.
 
@@ -361,14 +366,14 @@ def pull_object(
     slips [N]. Pulls are short: regularized friction creeps under any load, and fast sliding presses
     the pads apart.
     """
-    limit = _friction_capacity(fixture, held)
+    limit = _friction_capacity(fixture, squeeze)
     shares = np.arange(_LOADING.pull_step, _LOADING.most_pull, _LOADING.pull_step)
     steps = max(8, round(_LOADING.pull_seconds / fixture.model.opt.timestep))
     forces = np.repeat(load.load_forces(np.zeros(3))[None], len(shares), axis=0)
-    rows = repeat_input(held.row, len(shares), 1)[:, 0]
-    controls = repeat_input(held.control, len(shares), steps)
+    rows = repeat_input(squeeze.row, len(shares), 1)[:, 0]
+    controls = repeat_input(squeeze.control, len(shares), steps)
     dof = int(fixture.model.body_dofadr[fixture.body])
-    found = dict[str, float]()
+    force_by_way = dict[str, float]()
     for name, way in ways.items():
         pulls = forces.copy()
         pulls[:, fixture.body, :3] += limit * shares[:, None] * way
@@ -379,21 +384,21 @@ def pull_object(
         slips = borne < (1 - _LOADING.slip_share) * limit * shares
         # An object that is flung out has no contact left in the pull that it slips in.
         until = int(slips.argmax()) + 1 if slips.any() else len(borne)
-        found[name] = max(0.0, float(borne[:until].max()))
-    least = min(found, key=lambda name: found[name])
-    return least, found[least]
+        force_by_way[name] = max(0.0, float(borne[:until].max()))
+    least = min(force_by_way, key=lambda name: force_by_way[name])
+    return least, force_by_way[least]
 
 
-def _friction_capacity(fixture: GripFixture, held: Squeeze) -> float:
+def _friction_capacity(fixture: GripFixture, squeeze: Squeeze) -> float:
     """Return the friction force that Coulomb's law allows if all contacts are loaded alike [N]."""
-    found = find_contacts(fixture.model, data_at(fixture.model, held.row), fixture.body)
-    return sum(each.friction * each.force for each in found)
+    contacts = find_contacts(fixture.model, data_at(fixture.model, squeeze.row), fixture.body)
+    return sum(each.friction * each.force for each in contacts)
 
 
-def pull_forces(fixture: GripFixture, held: Squeeze, load: Load, way: Floats) -> Floats:
+def pull_forces(fixture: GripFixture, squeeze: Squeeze, load: Load, way: Floats) -> Floats:
     """Return (N, nbody, 6) forces of a pull that exceeds the holding force within a second [N]."""
     steps = max(_LOADING.samples, round(1 / fixture.model.opt.timestep))
-    most = _LOADING.most_pull * _friction_capacity(fixture, held)
+    most = _LOADING.most_pull * _friction_capacity(fixture, squeeze)
     forces = repeat_input(load.load_forces(np.zeros(3)), 1, steps)[0]
     forces[:, fixture.body, :3] += most * np.arange(1, steps + 1)[:, None] / steps * way
     return forces

@@ -70,9 +70,9 @@ def find_held_object(
             f"keyframe '{keyframe}' holds no free body; name one in which fingers press on an "
             "object, or remove --keyframe"
         )
-    found = find_contacts(model, data, number)
+    body_contacts = find_contacts(model, data, number)
     # The bodies that press are fingers, carried by their nearest common base.
-    touching = sorted({int(model.geom_bodyid[contact.geom]) for contact in found} - {0})
+    touching = sorted({int(model.geom_bodyid[contact.geom]) for contact in body_contacts} - {0})
     carrier = require_id(model, "body", base) if base else _shared_base(model, touching)
     fingers = [
         tuple(list_subtree(model, root))
@@ -92,7 +92,7 @@ def find_held_object(
         middle=middle,
     )
     # The frame points across the fingers, sideways, and up.
-    normals = np.array([contact.normal * np.sqrt(contact.force) for contact in found])
+    normals = np.array([contact.normal * np.sqrt(contact.force) for contact in body_contacts])
     across = np.linalg.svd(normals)[2][0]
     up = -model.opt.gravity.copy()
     if not up.any():
@@ -101,16 +101,16 @@ def find_held_object(
     if np.linalg.norm(up) < COARSE_ROUNDING * (1 + np.linalg.norm(model.opt.gravity)):
         up[:] = np.cross(across, np.eye(3)[int(np.argmin(np.abs(across)))])
     turn = squeeze_frame(across, up)
-    held = measure_squeeze(fixture, settled.rows[0], control, turn, settled.qpos[0])
+    squeeze = measure_squeeze(fixture, settled.rows[0], control, turn, settled.qpos[0])
     adhesion = model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_BODY)
     own = np.isin(model.actuator_trnid[:, 0], [number, *touching])
-    held = replace(held, sucks=bool((adhesion & own & (control > 0)).any()))
-    if not held.is_held:
+    squeeze = replace(squeeze, sucks=bool((adhesion & own & (control > 0)).any()))
+    if not squeeze.is_held:
         raise SceneError(
             f"keyframe '{keyframe}' presses on {model.body(number).name} from one side only; "
             "name a keyframe in which fingers hold it"
         )
-    return fixture, held
+    return fixture, squeeze
 
 
 def _shared_base(model: mujoco.MjModel, bodies: Sequence[int]) -> int:

@@ -130,7 +130,7 @@ class BodyContact(NamedTuple):
 
 def find_contacts(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> list[BodyContact]:
     """Return the contacts of a body and the bodies that are fixed to it."""
-    own, found, force = model.body_weldid[body], list[BodyContact](), np.empty(6)
+    own, contacts, force = model.body_weldid[body], list[BodyContact](), np.empty(6)
     for place in range(data.ncon):
         contact = data.contact[place]
         if contact.geom.min() < 0 or contact.efc_address < 0:
@@ -140,7 +140,7 @@ def find_contacts(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> list
             continue
         second = bool(sides[1] == own)
         mujoco.mj_contactForce(model, data, place, force)
-        found.append(
+        contacts.append(
             BodyContact(
                 geom=int(contact.geom[0 if second else 1]),
                 point=contact.pos.copy(),
@@ -151,7 +151,7 @@ def find_contacts(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> list
                 friction=float(contact.friction[0]),
             )
         )
-    return found
+    return contacts
 
 
 def body_frames(
@@ -159,13 +159,13 @@ def body_frames(
 ) -> Floats:
     """Return (K, 3) positions of a body's center of mass in a base frame [m]."""
     data = mujoco.MjData(model)
-    found = np.empty((len(configurations), 3))
+    positions = np.empty((len(configurations), 3))
     for place, qpos in enumerate(configurations):
         data.qpos[:] = qpos
         mujoco.mj_kinematics(model, data)
         turn = data.xmat[base].reshape(3, 3)
-        found[place] = (data.xipos[body] - data.xpos[base]) @ turn
-    return found
+        positions[place] = (data.xipos[body] - data.xpos[base]) @ turn
+    return positions
 
 
 def repeat_input(values: Floats, runs: int, steps: int) -> Floats:

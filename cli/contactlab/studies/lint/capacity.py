@@ -24,9 +24,10 @@ def find_full_memory(linted: LintedModel) -> Iterator[Fault]:
     for start, data in linted.starts.items():
         lost = any(data.warning[kind].number for kind in _FULL)
         if lost or (linted.spec.memory > 0 and data.maxuse_arena > most_share * model.narena):
-            used = "contacts are dropped" if lost else f"{data.maxuse_arena:,} bytes are used"
+            usage_text = "contacts are dropped" if lost else f"{data.maxuse_arena:,} bytes are used"
             yield Fault(
-                f"memory is {model.narena:,} bytes, and at {start} {used}: more contacts are lost",
+                f"memory is {model.narena:,} bytes, and at {start} {usage_text}: more contacts are "
+                "lost",
                 linted.place_of("size"),
                 linted.set_in("size", memory="-1"),
             )

@@ -32,8 +32,8 @@ class Ignored:
     def __call__(self, rule: str, place: Place) -> str | None:
         """Return the comment that ignores a rule at a place, or None."""
         lines = range(place.line, place.last + 1)
-        found = (self.beside.get((place.file, line, rule)) for line in lines)
-        return next(filter(None, found), self.everywhere.get(rule))
+        reasons = (self.beside.get((place.file, line, rule)) for line in lines)
+        return next(filter(None, reasons), self.everywhere.get(rule))
 
     @property
     def rules(self) -> Mapping[str, str]:
@@ -66,6 +66,6 @@ def ignored(source: SceneSource) -> Ignored:
 def _read_comments(text: str) -> Iterator[tuple[int, str]]:
     """Yield line and rule of each comment."""
     for number, line in enumerate(text.splitlines(), 1):
-        for found in _COMMENT.finditer(line):
-            for rule in re.split(r"\s*,\s*", found[1]):
+        for comment in _COMMENT.finditer(line):
+            for rule in re.split(r"\s*,\s*", comment[1]):
                 yield number, rule

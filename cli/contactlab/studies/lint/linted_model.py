@@ -150,15 +150,15 @@ class LintedModel:
         Keyframes with a wrong count of numbers are no states that anyone meant, and left out.
         """
         silence_mujoco()
-        found = dict[str, mujoco.MjData]()
+        data_by_start = dict[str, mujoco.MjData]()
         names = [name for name in keyframe_names(self.model) if name not in self.short_keyframes]
         for name in names or (QPOS0,):
             data = mujoco.MjData(self.model)
             if name != QPOS0:
                 mujoco.mj_resetDataKeyframe(self.model, data, self.model.key(name).id)
             mujoco.mj_forward(self.model, data)
-            found[name] = data
-        return found
+            data_by_start[name] = data
+        return data_by_start
 
     @cached_property
     def short_keyframes(self) -> Mapping[str, ShortKeyframe]:
@@ -177,7 +177,7 @@ class LintedModel:
             "mpos": 3 * model.nmocap,
             "mquat": 4 * model.nmocap,
         }
-        found = dict[str, ShortKeyframe]()
+        keyframes = dict[str, ShortKeyframe]()
         for element, origin in self.tags():
             if element.tag != _UNLINED:
                 continue
@@ -186,8 +186,8 @@ class LintedModel:
                 if text is not None and (count := len(text.split())) != size:
                     place = self.place_at(origin)
                     short = ShortKeyframe(attribute, count, size, place)
-                    found.setdefault(element.get("name", ""), short)
-        return found
+                    keyframes.setdefault(element.get("name", ""), short)
+        return keyframes
 
     @cached_property
     def reference(self) -> mujoco.MjData:
@@ -202,8 +202,8 @@ class LintedModel:
     def inertia_faults(self) -> tuple[InertiaFault, ...]:
         """Faults of inertias, as written and as compiled, each once."""
         compiled = () if self.compiled is None else inertia_faults(self.compiled)
-        found = (*self.inertia, *compiled)
-        return tuple({(fault.body, fault.kind): fault for fault in found}.values())
+        all_faults = (*self.inertia, *compiled)
+        return tuple({(fault.body, fault.kind): fault for fault in all_faults}.values())
 
     def name(self, kind: str, index: int) -> str:
         """Return the name or the address of a part of the compiled model."""
@@ -252,8 +252,8 @@ class LintedModel:
         return {file: elements_of(text) for file, text in self._file_texts.items()}
 
     def _find_origin(self, kind: str, name: str | int) -> Origin | None:
-        named = self.name(kind, name) if isinstance(name, int) else name
-        return self._origins.get((kind, named))
+        element_name = self.name(kind, name) if isinstance(name, int) else name
+        return self._origins.get((kind, element_name))
 
     def place_at(self, origin: Origin | None) -> Place:
         """Return the line of an element, or the first of the main file."""
@@ -273,7 +273,7 @@ class LintedModel:
     @cached_property
     def elements(self) -> Elements:
         """Elements of all model files, with their paths and attributes."""
-        return [found for root in self._file_roots.values() for found in list_elements(root)]
+        return [element for root in self._file_roots.values() for element in list_elements(root)]
 
     def tags(self) -> Iterator[tuple[ET.Element, Origin]]:
         """Yield every element of the scene's files as written, with its origin."""
@@ -288,7 +288,10 @@ def edited(faults: Iterator[Fault]) -> Mapping[Path, bytes]:
     for fault in faults:
         for edit in fault.edits:
             changes.setdefault(edit.place.file, set()).add(edit.replacement)
-    return {file: apply_replacements(file.read_bytes(), found) for file, found in changes.items()}
+    return {
+        file: apply_replacements(file.read_bytes(), replacements)
+        for file, replacements in changes.items()
+    }
 
 
 @contextmanager
@@ -304,8 +307,8 @@ def linted_model(source: SceneSource) -> Generator[LintedModel]:
             try:
                 spec = mujoco.MjSpec.from_file(str(copy.model))
                 for element in (*spec.meshes, *spec.hfields, *spec.skins, *spec.textures):
-                    if found := copy.content.resources.get(plain_name(element.file)):
-                        element.file = str(found)
+                    if resource := copy.content.resources.get(plain_name(element.file)):
+                        element.file = str(resource)
                 name_by_address(spec)
                 for kind, plural in _KINDS.items():
                     parts: list[Any] = list(getattr(spec, plural))
@@ -316,9 +319,11 @@ def linted_model(source: SceneSource) -> Generator[LintedModel]:
                 check_numbers(compiled, copy.model)
                 model = compiled
             except (SceneError, *COMPILE_ERRORS) as error:
-                found = isinstance(error, SceneError)
-                said = str(error if found else compile_error(copy.model, copy.model, error))
-                refused = said.replace(str(copy.content.root), str(source.content.root))
+                resource = isinstance(error, SceneError)
+                error_message = str(
+                    error if resource else compile_error(copy.model, copy.model, error)
+                )
+                refused = error_message.replace(str(copy.content.root), str(source.content.root))
         warned = tuple(dict.fromkeys(str(warning.message) for warning in caught))
 
         own, by_line = source.content.root, origins.by_line
@@ -343,8 +348,8 @@ def linted_model(source: SceneSource) -> Generator[LintedModel]:
         line = _LINE.search(refused)
         if line is not None and (origin := by_line.get(int(line[1]))) is not None:
             place = linted.place_at(real(origin))
-            told = refused.replace(line[0], f":{place.line}: does not compile")
-            linted = replace(linted, refused=told, refused_at=place)
+            refusal = refused.replace(line[0], f":{place.line}: does not compile")
+            linted = replace(linted, refused=refusal, refused_at=place)
         yield linted
 
 

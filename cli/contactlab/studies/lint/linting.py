@@ -30,22 +30,22 @@ def lint(models: Sequence[str]) -> LintReport:
 
     A SceneError says that there is no such file or scene.
     """
-    found, skipped = dict[str, None](), list[str]()
+    unique_models, skipped = dict[str, None](), list[str]()
     for model in models:
         path = Path(model).expanduser()
         if path.suffix not in MODEL_SUFFIXES:
-            found[model] = None
+            unique_models[model] = None
             continue
         if not path.is_file():
             raise SceneError(no_file(path, "model file", MODEL_SUFFIXES))
         whole = list(map(str, _including_models(path)))
         if whole or _is_model(path):
-            found |= dict.fromkeys(whole or [model])
+            unique_models |= dict.fromkeys(whole or [model])
         else:
             skipped.append(model)
-    counted = count_steps(found, "models", len(found))
-    findings = (finding for model in counted for finding in _model_findings(model))
-    return _report_of(found, skipped, findings)
+    counted_models = count_steps(unique_models, "models", len(unique_models))
+    findings = (finding for model in counted_models for finding in _model_findings(model))
+    return _report_of(unique_models, skipped, findings)
 
 
 def lint_scene(source: SceneSource, reference: str) -> LintReport:
@@ -58,11 +58,12 @@ def lint_scene(source: SceneSource, reference: str) -> LintReport:
 
 
 def _report_of(
-    models: Iterable[str], skipped: Iterable[str], found: Iterable[PlacedFinding]
+    models: Iterable[str], skipped: Iterable[str], placed_findings: Iterable[PlacedFinding]
 ) -> LintReport:
     """Return the report of models; those that share a file share its findings."""
     findings = {
-        (finding.file, finding.line, finding.name, finding.message): finding for finding in found
+        (finding.file, finding.line, finding.name, finding.message): finding
+        for finding in placed_findings
     }
     return LintReport(
         mujoco=VERSION,
@@ -119,19 +120,19 @@ def _scene_findings(source: SceneSource, model: str) -> Iterator[PlacedFinding]:
     try:
         with linted_model(source) as linted:
             but = ignored(linted.source)
-            found = [
+            findings = [
                 _make_finding(declared, fault, linted, but)
                 for declared in RULES.values()
                 if linted.compiled is not None or declared.of_refused
                 for fault in declared.function(linted)
             ]
             # Comments may ignore an unknown rule.
-            found += [
+            findings += [
                 _make_finding(_IGNORES, Fault(f"unknown rule '{rule}', {at}"), linted, but)
                 for rule, at in but.rules.items()
                 if rule not in RULES
             ]
-            yield from sorted(found, key=lambda finding: (finding.file, finding.line))
+            yield from sorted(findings, key=lambda finding: (finding.file, finding.line))
     except SceneError as error:
         yield _unreadable_finding(model, str(error))
 

@@ -107,11 +107,11 @@ def find_visual_masses(linted: LintedModel) -> Iterator[Fault]:
 def _visual_geoms(linted: LintedModel) -> list[str]:
     """Return the visual meshes without a written mass or body inertia."""
     spec = linted.spec
-    listed = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
+    pair_geoms = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
     always = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
 
     def touches(geom: MjsGeom) -> bool:
-        return bool(geom.contype or geom.conaffinity or geom.name in listed)
+        return bool(geom.contype or geom.conaffinity or geom.name in pair_geoms)
 
     def weighs(geom: MjsGeom) -> bool:
         return geom.density > 0 if np.isnan(geom.mass) else geom.mass > 0

@@ -23,7 +23,7 @@ def find_impossible_options(linted: LintedModel) -> Iterator[Fault]:
         usual = mujoco.MjSpec().option
         values = {name: mjcf_text(np.ravel(getattr(usual, name)).tolist()) for name in wrong}
         yield Fault(
-            "; ".join(f"{name} {told}" for name, told in wrong.items()),
+            "; ".join(f"{name} {fault_text}" for name, fault_text in wrong.items()),
             linted.place_of("option"),
             linted.set_in("option", **values),
         )

@@ -52,8 +52,11 @@ def _joints_out_of_range(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator
         value, slack = float(data.qpos[place]), soft_share * (high - low)
         rows = limit_rows(data, joint)
         if rows is not None and not low - slack <= value <= high + slack:
-            name, held = f"joint '{model.joint(joint).name}'", is_in_equilibrium(model, data, rows)
-            yield _Beyond(name, value, low, high, place, is_held=held)
+            name, is_held = (
+                f"joint '{model.joint(joint).name}'",
+                is_in_equilibrium(model, data, rows),
+            )
+            yield _Beyond(name, value, low, high, place, is_held=is_held)
 
 
 def _pushed_back(model: mujoco.MjModel, data: mujoco.MjData) -> list[_Beyond]:
@@ -63,8 +66,10 @@ def _pushed_back(model: mujoco.MjModel, data: mujoco.MjData) -> list[_Beyond]:
 
 def largest_excess(model: mujoco.MjModel, data: mujoco.MjData) -> float:
     """Return how far a start pushes a joint beyond its range, as a share of the range."""
-    found = _pushed_back(model, data)
-    return max((abs(one.value - one.nearest) / (one.high - one.low) for one in found), default=0.0)
+    excesses = _pushed_back(model, data)
+    return max(
+        (abs(one.value - one.nearest) / (one.high - one.low) for one in excesses), default=0.0
+    )
 
 
 def _controls_out_of_range(model: mujoco.MjModel, controls: Floats) -> Iterator[_Beyond]:
@@ -80,15 +85,15 @@ def _controls_out_of_range(model: mujoco.MjModel, controls: Floats) -> Iterator[
             yield _Beyond(name, value, low, high, place)
 
 
-def _list_text(found: list[_Beyond]) -> str:
-    more = f"; and {len(found) - 1} more" if len(found) > 1 else ""
-    return f"{found[0]}{more}"
+def _list_text(excesses: list[_Beyond]) -> str:
+    more = f"; and {len(excesses) - 1} more" if len(excesses) > 1 else ""
+    return f"{excesses[0]}{more}"
 
 
-def _clip_text(values: Floats, found: list[_Beyond]) -> str:
+def _clip_text(values: Floats, excesses: list[_Beyond]) -> str:
     """Return values with the given ones moved to the ends of their ranges, as MJCF text."""
     inside = np.array(values)
-    for one in found:
+    for one in excesses:
         inside[one.place] = one.nearest
     return mjcf_text(inside.tolist())
 
@@ -127,14 +132,16 @@ def find_keyframes_out_of_range(linted: LintedModel) -> Iterator[Fault]:
     for name, data in linted.starts.items():
         if name == QPOS0:
             continue
-        if found := _pushed_back(model, data):
-            edits = linted.set("key", name, qpos=_clip_text(data.qpos, found))
-            message = f"keyframe '{name}' has {_list_text(found)}; the limits push it back at once"
+        if excesses := _pushed_back(model, data):
+            edits = linted.set("key", name, qpos=_clip_text(data.qpos, excesses))
+            message = (
+                f"keyframe '{name}' has {_list_text(excesses)}; the limits push it back at once"
+            )
             yield Fault(message, linted.place("key", name), edits)
     reserved = model.nkey - len(keyframe_names(model))
-    if reserved and (found := _pushed_back(model, linted.reference)):
+    if reserved and (excesses := _pushed_back(model, linted.reference)):
         count = f"{reserved} keyframes are" if reserved > 1 else "a keyframe is"
-        message = f"{count} reserved by nkey, at {QPOS0}, which has {_list_text(found)}"
+        message = f"{count} reserved by nkey, at {QPOS0}, which has {_list_text(excesses)}"
         yield Fault(message, linted.place_of("size"), linted.set_in("size", nkey="0"))
 
 
@@ -149,9 +156,9 @@ def find_controls_out_of_range(linted: LintedModel) -> Iterator[Fault]:
         if name in linted.short_keyframes or not len(linted.spec.key(name).ctrl):
             continue  # not written in the file
         controls = start_data(model, name).ctrl
-        if found := list(_controls_out_of_range(model, controls)):
-            edits = linted.set("key", name, ctrl=_clip_text(controls, found))
-            message = f"keyframe '{name}' has {_list_text(found)}; what acts is clamped"
+        if excesses := list(_controls_out_of_range(model, controls)):
+            edits = linted.set("key", name, ctrl=_clip_text(controls, excesses))
+            message = f"keyframe '{name}' has {_list_text(excesses)}; what acts is clamped"
             yield Fault(message, linted.place("key", name), edits)
 
 
@@ -162,12 +169,12 @@ def find_qpos0_out_of_range(linted: LintedModel) -> Iterator[Fault]:
     Many robots are drawn so. Fix: a keyframe within the ranges.
     """
     model = linted.model
-    found = [] if keyframe_names(model) else list(_joints_out_of_range(model, linted.reference))
-    if found:
-        joint = int(np.searchsorted(model.jnt_qposadr, found[0].place, "right")) - 1
+    excesses = [] if keyframe_names(model) else list(_joints_out_of_range(model, linted.reference))
+    if excesses:
+        joint = int(np.searchsorted(model.jnt_qposadr, excesses[0].place, "right")) - 1
         frames = ET.Element("keyframe")
-        ET.SubElement(frames, "key", name="start", qpos=_clip_text(model.qpos0, found))
-        message = f"{QPOS0} has {_list_text(found)}; start from a keyframe, or set `ref`"
+        ET.SubElement(frames, "key", name="start", qpos=_clip_text(model.qpos0, excesses))
+        message = f"{QPOS0} has {_list_text(excesses)}; start from a keyframe, or set `ref`"
         yield Fault(message, linted.place("joint", joint), linted.add(frames))
 
 

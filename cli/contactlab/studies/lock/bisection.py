@@ -35,8 +35,10 @@ def find_change(
     same, other, steps = 0, len(versions) - 1, 0
     skipped: dict[str, str] = {}
     with step_count("releases", trials) as count:
-        while left := [index for index in range(same + 1, other) if versions[index] not in skipped]:
-            middle = min(left, key=lambda index: abs(2 * index - same - other))
+        while untested := [
+            index for index in range(same + 1, other) if versions[index] not in skipped
+        ]:
+            middle = min(untested, key=lambda index: abs(2 * index - same - other))
             version, steps = versions[middle], steps + 1
             try:
                 is_other = differs(version)
@@ -75,30 +77,30 @@ class SweepOutcomes:
         self.good = good
         report = self.compare_releases(good, bad)
         for name in self.check_names:
-            known = [check.name for check in report.findings]
-            PolicyError.unless_known(name, known, f"there is no check '{name}'")
-        found = [
+            check_names = [check.name for check in report.findings]
+            PolicyError.unless_known(name, check_names, f"there is no check '{name}'")
+        differing = [
             check
             for check in report.findings
             if check.name in self.check_names and _is_different(check)
         ]
         if not self.check_names:
-            found = next(filter(None, (_of_kinds(report, kinds) for kinds in _KINDS)), [])
-        if not found:
+            differing = next(filter(None, (_of_kinds(report, kinds) for kinds in _KINDS)), [])
+        if not differing:
             raise ExpectationError(f"MuJoCo {good} and {bad} give the same; see {self.folder}")
-        self.names = frozenset(check.full_name for check in found)
+        self.names = frozenset(check.full_name for check in differing)
 
     def differs(self, version: str) -> bool:
         """Return whether any of these outcomes differs from that of the first release."""
         return bool(self._has_changed(self.compare_releases(self.good, version)))
 
-    def report_change(self, found: ChangingRelease) -> ComparisonReport:
+    def report_change(self, change: ChangingRelease) -> ComparisonReport:
         """Return the comparison of two neighbors, with the outcomes that changed."""
-        report = self.compare_releases(found.before, found.after)
+        report = self.compare_releases(change.before, change.after)
         if not self._has_changed(
             report
         ):  # by less than the tolerance, which was almost used up before
-            report = self.compare_releases(self.good, found.after)
+            report = self.compare_releases(self.good, change.after)
         return report.model_copy(update={"findings": tuple(self._has_changed(report))})
 
     def compare_releases(self, before: str, after: str) -> ComparisonReport:
@@ -118,8 +120,8 @@ class SweepOutcomes:
 
 def _of_kinds(report: ComparisonReport, kinds: frozenset[str]) -> list[Finding]:
     """Return the checks of some kinds that fail; without any, those that changed."""
-    found = [check for check in report.findings if check.kind in kinds and _is_different(check)]
-    return [check for check in found if check.outcome == "failed"] or found
+    differing = [check for check in report.findings if check.kind in kinds and _is_different(check)]
+    return [check for check in differing if check.outcome == "failed"] or differing
 
 
 def _is_different(check: Finding) -> bool:
@@ -129,12 +131,12 @@ def _is_different(check: Finding) -> bool:
 def remember_outcome(node: str, folder: Path, run: Callable[[], bool]) -> bool:
     """Return whether a test passes, as a folder says if neither its file nor its name changed."""
     source, place = Path(node.partition("::")[0]), folder / "outcome.json"
-    asked = {"test": node, "sha256": sha256_of(source) if source.is_file() else None}
+    test_key = {"test": node, "sha256": sha256_of(source) if source.is_file() else None}
     for passed in (True, False):
-        said = json.dumps({**asked, "passed": passed})
-        if place.is_file() and place.read_text(encoding="utf-8") == said:
+        outcome_text = json.dumps({**test_key, "passed": passed})
+        if place.is_file() and place.read_text(encoding="utf-8") == outcome_text:
             return passed
     passed = run()
     with atomic_write(place) as temporary:
-        temporary.write_text(json.dumps({**asked, "passed": passed}), encoding="utf-8")
+        temporary.write_text(json.dumps({**test_key, "passed": passed}), encoding="utf-8")
     return passed

@@ -68,17 +68,19 @@ class _Judge:
     @property
     def alpha(self) -> float:
         """How likely one judgement may be wrong."""
-        judged = (len(old.metrics) + len({*old.outcomes, *new.outcomes}) for old, new in self.pairs)
+        test_counts = (
+            len(old.metrics) + len({*old.outcomes, *new.outcomes}) for old, new in self.pairs
+        )
         by_chance = 1e-3
-        return by_chance / max(1, sum(judged))
+        return by_chance / max(1, sum(test_counts))
 
     def checks(self, columns: dict[str, Column]) -> Iterator[Finding]:
         """Yield all checks."""
         for name in _CAUSES:
             before, after = self._both_values(name)
             same = Subject(f"same {name}", "evidence", "warn", two_sided=True)
-            said = "the same" if before == after else f"{before}, now {after}"
-            yield same.single(SAME if before == after else CHANGED, said)
+            change_text = "the same" if before == after else f"{before}, now {after}"
+            yield same.single(SAME if before == after else CHANGED, change_text)
         old, new, rules = self.lock.by_key, self.new.by_key, self.policy
         subject = Subject("no missing groups", "runs", rules.missing_runs)
         yield self._make_check(
@@ -128,13 +130,13 @@ class _Judge:
         """Return whether two counts, each with how many runs there are, differ."""
         if self.repeated:
             return old != new
-        table = [[found, total - found] for found, total in (old, new)]
+        table = [[count, total - count] for count, total in (old, new)]
         return float(np.asarray(stats.fisher_exact(table))[1]) < self.alpha
 
     def _judge_metric(self, metric: str, column: Column | None) -> Finding:
         if column is None:
-            gone = Subject(f"{metric} as locked", "metrics", "gate")
-            return gone.skipped("is not a metric any more")
+            metric_subject = Subject(f"{metric} as locked", "metrics", "gate")
+            return metric_subject.skipped("is not a metric any more")
         rule = effective_rule(column, self.policy)
         subject = Subject(
             f"{metric} as locked", "metrics", rule.level, "", column.unit, rule.budget, True
@@ -163,11 +165,13 @@ class _Judge:
         excess = abs(after - before) / allowed if allowed else float(after != before) * math.inf
         return _GroupChange(old, CHANGED if excess > 1 else SAME, before, after, excess)
 
-    def _make_check(self, subject: Subject, found: Sequence[_GroupChange]) -> Finding:
+    def _make_check(self, subject: Subject, group_changes: Sequence[_GroupChange]) -> Finding:
         wrong = sorted(
-            (change for change in found if change.code), key=lambda change: -change.excess
+            (change for change in group_changes if change.code), key=lambda change: -change.excess
         )
-        said = f"{len(wrong):,} of {plural(len(found), 'group')}" if wrong else "as locked"
+        summary = (
+            f"{len(wrong):,} of {plural(len(group_changes), 'group')}" if wrong else "as locked"
+        )
         worst = [
             RunPair(
                 baseline_run=None,
@@ -178,7 +182,9 @@ class _Judge:
             )
             for change in wrong
         ]
-        return subject.finding(np.array([change.code for change in found], np.int8), said, worst)
+        return subject.finding(
+            np.array([change.code for change in group_changes], np.int8), summary, worst
+        )
 
 
 def change_by_chance(old: tuple[float, int], new: tuple[float, int], alpha: float) -> float:

@@ -42,10 +42,10 @@ _HEAD = """\
 
 def lock_of(store: Store, metrics: Sequence[str], *, chaotic: bool = False) -> Lock:
     """Return the outcomes of a store, by these metrics; runs on a knife edge are left out."""
-    known = store.columns.schema.names
+    column_names = store.columns.schema.names
     always = ["seed", "labels", "trajectory_hash", "initial_qpos", "initial_qvel"]
     rows = store.columns.to_pydict(
-        [*always, *(column for column in _COUNTED if column in known), *metrics]
+        [*always, *(column for column in _COUNTED if column in column_names), *metrics]
     )
     grouped = group_members(store).values()
     groups = [_lock_group(axes, rows, metrics, own) for axes, own in grouped]
@@ -68,7 +68,7 @@ def lock_of(store: Store, metrics: Sequence[str], *, chaotic: bool = False) -> L
 
 def group_members(store: Store) -> dict[str, tuple[dict[str, Any], list[int]]]:
     """Return the values of the axes that differ, and the rows of each group, by its key."""
-    columns, found = store.columns, dict[str, tuple[dict[str, Any], list[int]]]()
+    columns, members = store.columns, dict[str, tuple[dict[str, Any], list[int]]]()
     names = [
         name
         for name in columns.axis_names
@@ -76,9 +76,9 @@ def group_members(store: Store) -> dict[str, tuple[dict[str, Any], list[int]]]:
     ]
     axes = columns.arrow(names).to_pylist() if names else [dict[str, Any]()] * columns.runs
     for row in np.flatnonzero(columns.numbers("knife_edge").values != 1).tolist():
-        given = {name: rounded(value) for name, value in axes[row].items() if value is not None}
-        found.setdefault(key_of(given), (given, []))[1].append(row)
-    return found
+        own_axes = {name: rounded(value) for name, value in axes[row].items() if value is not None}
+        members.setdefault(key_of(own_axes), (own_axes, []))[1].append(row)
+    return members
 
 
 def is_loop(store: Store) -> bool:
@@ -120,8 +120,10 @@ def metric_columns(store: Store) -> dict[str, Column]:
 
 def gated_metrics(store: Store, policy: ComparePolicy) -> list[str]:
     """Return the metrics that a policy gates, where a run has a value."""
-    known = metric_columns(store).items()
-    gated = [name for name, metric in known if effective_rule(metric, policy).level == "gate"]
+    stored_metrics = metric_columns(store).items()
+    gated = [
+        name for name, metric in stored_metrics if effective_rule(metric, policy).level == "gate"
+    ]
     return [name for name in gated if store.columns.numbers(name).valid.any()]
 
 
@@ -153,19 +155,23 @@ def _lock_group(
     axes: dict[str, Any], rows: Mapping[str, list[Any]], metrics: Sequence[str], own: list[int]
 ) -> Group:
     outcomes = Counter(label for row in own for label in rows["labels"][row])
-    said = {
+    outcome_flags = {
         word: [rows[name][row] for row in own] for name, word in _COUNTED.items() if name in rows
     }
     outcomes.update(
-        {word: sum(map(bool, flags)) for word, flags in said.items() if set(flags) != {None}}
+        {
+            word: sum(map(bool, flags))
+            for word, flags in outcome_flags.items()
+            if set(flags) != {None}
+        }
     )
-    found = {name: _measure_runs([rows[name][row] for row in own]) for name in metrics}
+    values_by_metric = {name: _measure_runs([rows[name][row] for row in own]) for name in metrics}
     return Group(
         at=axes,
         runs=len(own),
         trajectories=_digest_text([rows["trajectory_hash"][row] for row in own]),
         outcomes=dict(outcomes),
-        metrics={name: values for name, values in found.items() if values},
+        metrics={name: values for name, values in values_by_metric.items() if values},
     )
 
 
@@ -176,11 +182,13 @@ def _measure_runs(values: Sequence[float | None]) -> tuple[float, ...]:
         return ()
     spread = statistics.stdev(finite) if len(finite) > 1 else 0.0
     digits = 7  # of a number that is written; compare accepts changes of 1 %
-    said = [float(f"{number:.{digits}g}") for number in (statistics.fmean(finite), spread)]
+    rounded_numbers = [
+        float(f"{number:.{digits}g}") for number in (statistics.fmean(finite), spread)
+    ]
     return (
-        (*said, len(finite))
+        (*rounded_numbers, len(finite))
         if len(finite) < len(values)
-        else tuple(said[: 1 + (spread > ROUNDING * abs(said[0]))])
+        else tuple(rounded_numbers[: 1 + (spread > ROUNDING * abs(rounded_numbers[0]))])
     )
 
 

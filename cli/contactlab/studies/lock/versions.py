@@ -19,7 +19,7 @@ _FINAL = re.compile(r"\d+(\.\d+)+")
 _RAN = {0, 1}  # a sweep that ran, as expected or not; a test that passed, or failed
 
 
-def find_releases(first: str, last: str, given: Sequence[str] = ()) -> list[str]:
+def find_releases(first: str, last: str, chosen_releases: Sequence[str] = ()) -> list[str]:
     """Return the releases of MuJoCo from one to another, in the order that leads there.
 
     They are those that pip finds wheels of for this Python, or the given ones. Raises an
@@ -30,11 +30,11 @@ def find_releases(first: str, last: str, given: Sequence[str] = ()) -> list[str]
     for moment in (first, last):
         if _version_numbers(moment) < numbers_of(OLDEST):
             raise EngineError(f"contactlab runs on MuJoCo {OLDEST} and newer; {moment} is older")
-    known = sorted({*given} or _list_releases(), key=_version_numbers)
+    releases = sorted({*chosen_releases} or _list_releases(), key=_version_numbers)
     for moment in (first, last):
-        EngineError.unless_known(moment, known, f"no release {moment} of MuJoCo for this Python")
-    start, end = known.index(first), known.index(last)
-    return known[start : end + 1] if start <= end else known[end : start + 1][::-1]
+        EngineError.unless_known(moment, releases, f"no release {moment} of MuJoCo for this Python")
+    start, end = releases.index(first), releases.index(last)
+    return releases[start : end + 1] if start <= end else releases[end : start + 1][::-1]
 
 
 def list_supported_releases() -> list[str]:
@@ -48,11 +48,13 @@ def list_supported_releases() -> list[str]:
 def _list_releases() -> set[str]:
     pip = [sys.executable, "-P", "-m", "pip", "--disable-pip-version-check", "index", "versions"]
     with tempfile.TemporaryDirectory() as empty:
-        done = run_installer([*pip, "--only-binary", "mujoco", "mujoco"], Path(empty))
-    if (found := _LISTED.search(done.stdout)) is None:
-        said = (done.stderr.strip().splitlines() or ["it printed nothing"])[-1]
-        raise EngineError(f"pip cannot list the releases of MuJoCo ({said}); name them: --versions")
-    return {version for version in found[1].split(", ") if _FINAL.fullmatch(version)}
+        process = run_installer([*pip, "--only-binary", "mujoco", "mujoco"], Path(empty))
+    if (match := _LISTED.search(process.stdout)) is None:
+        last_line = (process.stderr.strip().splitlines() or ["it printed nothing"])[-1]
+        raise EngineError(
+            f"pip cannot list the releases of MuJoCo ({last_line}); name them: --versions"
+        )
+    return {version for version in match[1].split(", ") if _FINAL.fullmatch(version)}
 
 
 def _version_numbers(version: str) -> tuple[int, ...]:
@@ -96,7 +98,7 @@ def run_sweep(
     source: str,
     store: Path,
     version: str | None,
-    given: Sequence[str],
+    sweep_options: Sequence[str],
     notify: Callable[[str], None],
 ) -> None:
     """Run or resume a sweep into a store.
@@ -104,7 +106,7 @@ def run_sweep(
     Raises a SweepFileError if it cannot be run, after its own message; a StoppedError if it was
     interrupted.
     """
-    arguments = ["-P", "-m", "contactlab", "sweep", source, "-o", str(store), *given]
+    arguments = ["-P", "-m", "contactlab", "sweep", source, "-o", str(store), *sweep_options]
     code = run_python(arguments, version, notify).returncode
     if code == StoppedError.exit_code:
         raise StoppedError("interrupted; run the same command again to resume")
@@ -121,9 +123,9 @@ def run_test(node: str, folder: Path, version: str, notify: Callable[[str], None
         folder.mkdir(parents=True, exist_ok=True)
     # A test is code of the folder that it lies in, and may import from there.
     arguments = ["-m", "pytest", "-q", "-p", "no:cacheprovider", node]
-    done = run_python([*arguments, f"--contact-evidence={folder}"], version, notify)
+    process = run_python([*arguments, f"--contact-evidence={folder}"], version, notify)
     printed = folder / "pytest.txt"
-    printed.write_text(done.stdout, encoding="utf-8")
-    if done.returncode not in _RAN:
-        raise SweepFileError(f"pytest ended with exit code {done.returncode}; see {printed}")
-    return done.returncode == 0
+    printed.write_text(process.stdout, encoding="utf-8")
+    if process.returncode not in _RAN:
+        raise SweepFileError(f"pytest ended with exit code {process.returncode}; see {printed}")
+    return process.returncode == 0

@@ -81,20 +81,20 @@ def write_bundle(panel: Panel, overrides: Overrides, drive: str | None, folder: 
     if folder.exists():
         raise OutputError(f"{folder} exists; name a new folder")
     with temporary_folder() as temporary:
-        made = Path(temporary) / "bundle"
+        new_bundle = Path(temporary) / "bundle"
         for part in ("models", "runs"):
-            (made / part).mkdir(parents=True)
+            (new_bundle / part).mkdir(parents=True)
         # Write the sweep with its scene next to it.
         source, request = panel.scene.source, panel.request
-        kept = Path("scene") / Path(panel.scene.name).name
-        source.content.copy_to(made / kept)
-        path = kept / relative_path(source.path, source.content.root)
+        scene_copy = Path("scene") / Path(panel.scene.name).name
+        source.content.copy_to(new_bundle / scene_copy)
+        path = scene_copy / relative_path(source.path, source.content.root)
         document = YAML(typ="safe", pure=True).load(request.source)
         document["scene"] = f"{path.parent.as_posix()}/" if source.manifest else path.as_posix()
         # JSON is YAML, and has every number in full.
-        sweep = made / f"{request.name}.yaml"
+        sweep = new_bundle / f"{request.name}.yaml"
         sweep.write_text(json.dumps(document, indent=2), encoding="utf-8")
-        runs, refused = _write_runs(panel, made)
+        runs, refused = _write_runs(panel, new_bundle)
         if not runs:
             raise EngineError(f"no run can be simulated elsewhere: {next(iter(refused.values()))}")
         bundle = Bundle(
@@ -107,15 +107,17 @@ def write_bundle(panel: Panel, overrides: Overrides, drive: str | None, folder: 
             runs=tuple(runs),
             refused=refused,
         )
-        (made / _FILE).write_text(bundle.model_dump_json(indent=2), encoding="utf-8")
-        if {run.run_id for run in bundle.panel(made).runs} != {run.run_id for run in panel.runs}:
+        (new_bundle / _FILE).write_text(bundle.model_dump_json(indent=2), encoding="utf-8")
+        if {run.run_id for run in bundle.panel(new_bundle).runs} != {
+            run.run_id for run in panel.runs
+        }:
             raise OutputError(
                 "the sweep depends on files next to it, which a bundle cannot include"
             )
         for script in (ADAPTERS / "bundle").glob("*.py"):
-            shutil.copy(script, made)
+            shutil.copy(script, new_bundle)
         try:
-            shutil.copytree(made, folder)
+            shutil.copytree(new_bundle, folder)
         except OSError as error:
             raise OutputError(f"cannot write {folder}: {error.strerror or error}") from error
     return bundle
@@ -126,7 +128,7 @@ def _write_runs(panel: Panel, folder: Path) -> tuple[list[BundledRun], dict[str,
     engine, serve = ENGINES[ENGINE], load_adapter(SERVER)
     assert isinstance(engine, AdaptedEngine)
     refused = panel.find_refusals(engine.refusal_anywhere)
-    told: list[BundledRun] = []
+    bundled_runs: list[BundledRun] = []
     headroom = 2  # factor over MuJoCo's own peak, as its documentation advises
     rows_per_contact = 10  # of constraints that a contact has at most, of condim 6 with a pyramid
     for group in panel.group_runs(refused):
@@ -154,10 +156,10 @@ def _write_runs(panel: Panel, folder: Path) -> tuple[list[BundledRun], dict[str,
             # Several contacts of convex shapes: on by default in MuJoCo 4, off in Newton.
             solver = {"enable_multiccd": hasattr(mujoco.mjtDisableBit, "mjDSBL_MULTICCD")}
             step = float(model.opt.timestep)
-            told.append(
+            bundled_runs.append(
                 BundledRun(id=member.run_id, model=name, timestep=step, room=room, solver=solver)
             )
-    return told, refused
+    return bundled_runs, refused
 
 
 def _run_arrays(ours: PreparedRuns, run: int, rollouts: Sequence[Rollout]) -> Mapping[str, Floats]:

@@ -62,7 +62,7 @@ class BundledEngine(AdaptedEngine):
         ids = [runs.scene.run_id(run) for run in runs.resolved]
         prefix = ("", "again_", "step_")[min(self._asked[ids[0]], 2)]
         self._asked.update(set(ids))
-        told: dict[str, list[Any]] = {"state": [], "sensors": [], "cnstrfull": []}
+        answers: dict[str, list[Any]] = {"state": [], "sensors": [], "cnstrfull": []}
         for row, run_id in enumerate(ids):
             expected = self._load_arrays("runs", run_id)
             step = int(expected["places"][row]) if prefix == "step_" else 0
@@ -72,25 +72,25 @@ class BundledEngine(AdaptedEngine):
                     f"{self._bundle.mujoco} did where the bundle was written; judge it there"
                 )
             try:
-                found = self._load_arrays("results", run_id)
-                states = np.hstack([found[f"{prefix}qpos"], found[f"{prefix}qvel"]])
-                told["cnstrfull"].append(bool(found["full"]))
+                arrays = self._load_arrays("results", run_id)
+                states = np.hstack([arrays[f"{prefix}qpos"], arrays[f"{prefix}qvel"]])
+                answers["cnstrfull"].append(bool(arrays["full"]))
             except (OSError, ValueError, LookupError) as error:
                 return f"no result of run {run_id[:8]}: {' '.join(str(error).split())}"
             if prefix == "step_":
-                told["state"].append(np.stack([states[row], states[row]]))
-                told["sensors"].append(np.zeros((1, runs.base.model.nsensordata)))
+                answers["state"].append(np.stack([states[row], states[row]]))
+                answers["sensors"].append(np.zeros((1, runs.base.model.nsensordata)))
                 continue
             # A run that MuJoCo did not complete is compared up to its end.
             rest = np.repeat(states[-1:], runs.steps + 1 - len(states), axis=0)
             states = np.concatenate([states, rest])
-            told["state"].append(states)
+            answers["state"].append(states)
             model = runs.models[row]
             inputs = runs.starts.input_rows(row, model.opt.timestep, np.arange(runs.steps))
-            told["sensors"].append(
+            answers["sensors"].append(
                 load_adapter(SERVER).measured(model, states, inputs[:, : model.nu])
             )
-        return {name: np.array(values) for name, values in told.items()} | {
+        return {name: np.array(values) for name, values in answers.items()} | {
             "cost": np.full(len(ids), np.nan)
         }
 

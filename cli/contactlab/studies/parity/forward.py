@@ -51,7 +51,7 @@ _OF_CONTACT = {"friction": _FRICTION, "solref": _SOLREF, "solimp": _SOLIMP}
 def forward_quantities(engine: SimulationEngine, runs: PreparedRuns) -> Forward | None:
     """Return the quantities that an engine computes at the starts of runs, or None."""
     if isinstance(engine, MujocoEngine):
-        found: dict[str, list[Floats]] = defaultdict(list)
+        values_by_name: dict[str, list[Floats]] = defaultdict(list)
         for run, model in enumerate(runs.models):
             data, start = mujoco.MjData(model), runs.starts
             data.qpos[:], data.qvel[:] = start.qpos[run], start.qvel[run]
@@ -59,23 +59,23 @@ def forward_quantities(engine: SimulationEngine, runs: PreparedRuns) -> Forward 
             inputs = (start.ctrl[run], start.applied[run], start.mocap[run])
             apply_inputs(model, data, np.concatenate(inputs))
             for name, values in read_forward_quantities(model, data).items():
-                found[name].append(values)
-        return found
+                values_by_name[name].append(values)
+        return values_by_name
     if not isinstance(engine, AdaptedEngine) or not engine.goes_forward:
         return None
-    told = engine.ask(runs, operation="forward")
-    return None if isinstance(told, str) else told
+    answer = engine.ask(runs, operation="forward")
+    return None if isinstance(answer, str) else answer
 
 
 def read_forward_quantities(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, Floats]:
     """Compute a state forward, and return its quantities; contacts end with their normals."""
     mujoco.mj_forward(model, data)
-    found = {name: np.array(getattr(data, name)) for name in LIMITS}
+    quantities = {name: np.array(getattr(data, name)) for name in LIMITS}
     names = ("geom", "dist", "includemargin", "friction", "solref", "solimp", "pos")
     arrays = [getattr(data.contact, name) for name in names]
     columns = [array if array.ndim > 1 else array[:, None] for array in arrays]
-    found["contacts"] = np.hstack([*columns, data.contact.frame[:, :3]])
-    return found
+    quantities["contacts"] = np.hstack([*columns, data.contact.frame[:, :3]])
+    return quantities
 
 
 @dataclass(frozen=True)
@@ -91,11 +91,11 @@ class ForwardStates:
     def first_divergence(self) -> Divergence | None:
         """Return the first stage that differs, where it differs most, or None."""
         for stage, names in _STAGES.items():
-            found = [
+            divergences = [
                 divergence for name in names for divergence in self._find_divergences(stage, name)
             ]
-            if found:
-                return max(found, key=lambda candidate: candidate[0])[1]
+            if divergences:
+                return max(divergences, key=lambda candidate: candidate[0])[1]
         return None
 
     def _find_divergences(self, stage: Stage, name: str) -> Iterator[tuple[float, Divergence]]:
@@ -104,16 +104,16 @@ class ForwardStates:
             return
         for place, step in enumerate(self.steps):
             if name == "contacts":
-                found = self._contacts_at(place).find_mismatch()
+                mismatch = self._contacts_at(place).find_mismatch()
             elif (
                 stage in {"constraint forces", "acceleration"}
                 and self._contacts_at(place).ambiguous
             ):
                 continue
             else:
-                found = self._find_mismatch(name, place)
-            if found:
-                excess, what, ours, theirs = found
+                mismatch = self._find_mismatch(name, place)
+            if mismatch:
+                excess, what, ours, theirs = mismatch
                 divergence = Divergence(
                     stage=stage, quantity=what, step=step, mujoco=ours, engine=theirs
                 )
@@ -155,11 +155,11 @@ _Pair = tuple[int, int]
 
 def _by_pair(rows: Floats) -> dict[_Pair, Floats]:
     """Return contacts (K, 19) by pair of geoms in either order, the deepest first."""
-    found: dict[_Pair, list[Floats]] = defaultdict(list)
+    rows_by_pair: dict[_Pair, list[Floats]] = defaultdict(list)
     for row in rows[np.argsort(rows[:, _DISTANCE], kind="stable")] if len(rows) else rows:
         first, second = sorted(row[_GEOMS].astype(int).tolist())
-        found[first, second].append(row)
-    return {pair: np.array(values) for pair, values in found.items()}
+        rows_by_pair[first, second].append(row)
+    return {pair: np.array(values) for pair, values in rows_by_pair.items()}
 
 
 @dataclass(frozen=True)

@@ -95,13 +95,15 @@ class Panel:
 
     def find_refusals(self, refusal: Callable[[Scene, RunSpec], str | None]) -> dict[str, str]:
         """Return why runs cannot be simulated, by run id, as an engine's `refusal` says."""
-        found: dict[str, str] = {}
+        refusals: dict[str, str] = {}
         for run in self.runs:
             if isinstance(run.ours.drive, PolicyDrive):
-                found[run.run_id] = "the drive is a policy; use a file of recorded controls instead"
+                refusals[run.run_id] = (
+                    "the drive is a policy; use a file of recorded controls instead"
+                )
             elif why := refusal(self.scene, run.theirs):
-                found[run.run_id] = why
-        return found
+                refusals[run.run_id] = why
+        return refusals
 
     def group_runs(self, left_out: Collection[str]) -> Iterator[Sequence[PanelRun]]:
         """Yield runs of one structure and step count, as many as memory holds together.
@@ -128,20 +130,20 @@ class Panel:
         trace = make_trace(runs.base, runs.prepared, rollout)
         setup = make_setup(runs.base, manifest, runs.resolved, runs.models, sweep.thresholds)
         setup = replace(setup, recorded=self.scene.recorded_motion(runs.resolved))
-        told: list[dict[str, float | str]] = []
+        measured_runs: list[dict[str, float | str]] = []
         for run, steps in enumerate(rollout.steps):
             if not steps:
-                told.append({})
+                measured_runs.append({})
                 continue
             alone = trace.select([run], steps)
-            found = assess_runs(alone, setup.select([run]))
+            assessment = assess_runs(alone, setup.select([run]))
             energy = (alone.kinetic + alone.potential)[0]
-            told.append(
-                {name: float(values[0]) for name, values in found.metrics.items()}
-                | {"label": found.labels[0][0].label}
+            measured_runs.append(
+                {name: float(values[0]) for name, values in assessment.metrics.items()}
+                | {"label": assessment.labels[0][0].label}
                 | {"energy_end": float(energy[-1]), "energy_range": float(np.ptp(energy))}
             )
-        return told
+        return measured_runs
 
 
 def runs_from_states(

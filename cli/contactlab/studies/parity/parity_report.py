@@ -34,9 +34,9 @@ class Divergence(Model):
     def __str__(self) -> str:
         """Return `contacts: count of left - box at step 40, 8 -> 4`."""
         values = (self.mujoco, self.engine)
-        shown = [f"{value:.6g}" for value in values if value is not None]
+        value_texts = [f"{value:.6g}" for value in values if value is not None]
         text = f"{self.stage}: {self.quantity} at step {self.step}"
-        return f"{text}, {' -> '.join(shown)}" if shown else text
+        return f"{text}, {' -> '.join(value_texts)}" if value_texts else text
 
 
 class Measured(Model):

@@ -55,7 +55,7 @@ def _change_models(runs: PreparedRuns, change: Callable[[mujoco.MjModel], None])
 def rounded_at_each_step(runs: PreparedRuns, run: int, steps: int) -> Floats:
     """Return (N + 1, nq) coordinates of a run of MuJoCo with all states rounded."""
     model, starts = runs.models[run], round_starts(runs).starts
-    data, found = mujoco.MjData(model), [starts.qpos[run]]
+    data, positions = mujoco.MjData(model), [starts.qpos[run]]
     data.qpos[:], data.qvel[:], data.act[:] = (
         array[run] for array in (starts.qpos, starts.qvel, starts.act)
     )
@@ -64,5 +64,5 @@ def rounded_at_each_step(runs: PreparedRuns, run: int, steps: int) -> Floats:
         mujoco.mj_step(model, data)
         for state in (data.qpos, data.qvel, data.act):
             state[:] = state.astype(np.float32)
-        found.append(data.qpos.copy())
-    return np.array(found)
+        positions.append(data.qpos.copy())
+    return np.array(positions)

@@ -52,13 +52,13 @@ class RunCache:
         """Return the stored runs by run id, for keys by run id."""
         if self.folder is None:
             return {}
-        wanted = {key: run_id for run_id, key in keys.items()}
+        ids_by_key = {key: run_id for run_id, key in keys.items()}
         return {
-            wanted[line["key"]]: ComparedRun(
+            ids_by_key[line["key"]]: ComparedRun(
                 RunParity.model_validate(line["run"]), tuple(line["errors"])
             )
             for line in read_lines(self.folder / NAME)
-            if line.get("key") in wanted
+            if line.get("key") in ids_by_key
         }
 
     def add(self, key: str, compared: ComparedRun) -> None:

@@ -146,8 +146,8 @@ def compute_states(
     engine, reference = comparison.engine, comparison.reference
     ours, theirs = (runs_from_states(side, run, states[places], places) for side in comparison.both)
     sides = ((reference, ours), (engine, theirs), (reference, round_starts(ours)))
-    told = [forward_quantities(by, runs) or {} for by, runs in sides]
-    return ForwardStates(ours.models[0], places.tolist(), *told)
+    quantities_of_sides = [forward_quantities(by, runs) or {} for by, runs in sides]
+    return ForwardStates(ours.models[0], places.tolist(), *quantities_of_sides)
 
 
 @dataclass(frozen=True)
@@ -253,14 +253,15 @@ def judge_run(
     looked = compute_states(comparison, run, states, places)
     ambiguous = looked.ambiguous_steps()
     numbers["ambiguous_states"] = len(ambiguous)
-    found = looked.first_divergence() or step_divergence(singles, ambiguous)
-    if found:
-        return "different", found, numbers
-    left = whole.find_divergence()
+    divergence = looked.first_divergence() or step_divergence(singles, ambiguous)
+    if divergence:
+        return "different", divergence, numbers
+    whole_divergence = whole.find_divergence()
     if (singles.error > singles.allowed_errors).any() or (
-        left and singles.sensitive_before(left.step, _dofs_beside(model, left))
+        whole_divergence
+        and singles.sensitive_before(whole_divergence.step, _dofs_beside(model, whole_divergence))
     ):
         return "ambiguous", None, numbers
-    if left:
-        return "different", left, numbers
+    if whole_divergence:
+        return "different", whole_divergence, numbers
     return ("same" if error <= SUM_ROUNDING else "within noise floor"), None, numbers

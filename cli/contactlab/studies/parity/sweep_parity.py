@@ -52,24 +52,28 @@ class ParityRequest:
 
 
 def compare_runs(
-    request: ParityRequest, begin: Callable[[int, int], None], done: Callable[[RunParity], None]
+    request: ParityRequest,
+    begin: Callable[[int, int], None],
+    report_run: Callable[[RunParity], None],
 ) -> ParityReport:
     """Compare an engine with MuJoCo in all runs of a panel.
 
-    `begin` gets the number of runs and of those in the cache; `done` gets each other run.
+    `begin` gets the number of runs and of those in the cache; `report_run` gets each other run.
     """
     panel, engine, policy = request.panel, request.engine, request.policy
     # Three quantities have standard rules, and the policy has further ones.
-    known = (SUCCESS, PENETRATION, ENERGY, *METRICS)
+    known_names = (SUCCESS, PENETRATION, ENERGY, *METRICS)
     for name in policy.metrics:
         PolicyError.unless_known(
-            name, known, f"the policy has a rule for '{name}', which is not a metric"
+            name, known_names, f"the policy has a rule for '{name}', which is not a metric"
         )
     rules = dict.fromkeys((SUCCESS, PENETRATION, ENERGY), _RULE)
-    given = {name: metric.model_dump(exclude_none=True) for name, metric in policy.metrics.items()}
-    rules |= {name: _RULE.model_copy(update=rule) for name, rule in given.items()}
+    policy_rules = {
+        name: metric.model_dump(exclude_none=True) for name, metric in policy.metrics.items()
+    }
+    rules |= {name: _RULE.model_copy(update=rule) for name, rule in policy_rules.items()}
     refused = panel.find_refusals(engine.refusal)
-    told = {
+    judged_runs = {
         member.run_id: _describe_run(member, verdict="refused", reason=refused[member.run_id])
         for member in panel.runs
         if member.run_id in refused
@@ -80,11 +84,11 @@ def compare_runs(
         member.run_id: cache.key(member.run_id, panel.scene.run_id(member.theirs))
         for member in panel.runs
     }
-    found = cache.find(keys)
-    begin(len(panel.runs) - len(told), len(found))
-    told |= {run_id: compared.run for run_id, compared in found.items()}
-    closed = [compared.errors for compared in found.values()]
-    for group in panel.group_runs(told):
+    cached = cache.find(keys)
+    begin(len(panel.runs) - len(judged_runs), len(cached))
+    judged_runs |= {run_id: compared.run for run_id, compared in cached.items()}
+    closed = [compared.errors for compared in cached.values()]
+    for group in panel.group_runs(judged_runs):
         comparison = Comparison.of(
             engine,
             PreparedRuns.of(panel.scene, *[member.ours for member in group]),
@@ -96,28 +100,28 @@ def compare_runs(
         ]
         for place, member in enumerate(group):
             ours, *_, theirs = values = [side[place] for side in metrics]
-            judged = _judge_run(member, comparison, place, values, rules)
+            run_parity = _judge_run(member, comparison, place, values, rules)
             compared = ComparedRun(
-                judged, (_read_number(ours, _ORACLE), _read_number(theirs, _ORACLE))
+                run_parity, (_read_number(ours, _ORACLE), _read_number(theirs, _ORACLE))
             )
             cache.add(keys[member.run_id], compared)
-            told[member.run_id] = judged
+            judged_runs[member.run_id] = run_parity
             closed.append(compared.errors)
-            done(judged)
-    runs = [told[member.run_id] for member in panel.runs]
+            report_run(run_parity)
+    runs = [judged_runs[member.run_id] for member in panel.runs]
     checks = list(_make_checks(runs, rules))
     checks = apply_waivers(checks, policy.waive, date.today())  # noqa: DTZ011
-    counted = _verdict_counts(Counter(judged.verdict for judged in runs))
+    verdict_text = _verdict_counts(Counter(run_parity.verdict for run_parity in runs))
     failed, code = failed_names(checks), exit_code(checks)
     if any(check.outcome == "failed" and check.verdict == "not comparable" for check in checks):
         code = StoreError.exit_code
     if code == StoreError.exit_code:
-        headline = f"{engine.name} cannot be compared: {counted}"
+        headline = f"{engine.name} cannot be compared: {verdict_text}"
     elif code:
         fail = "fails" if len(failed) == 1 else "fail"
-        headline = f"{engine.name} differs: {plural(len(failed), 'check')} {fail}; {counted}"
+        headline = f"{engine.name} differs: {plural(len(failed), 'check')} {fail}; {verdict_text}"
     else:
-        headline = f"{engine.name} agrees with MuJoCo: {counted}"
+        headline = f"{engine.name} agrees with MuJoCo: {verdict_text}"
     return ParityReport(
         sweep=panel.request.name,
         scene=panel.scene.name,
@@ -128,7 +132,7 @@ def compare_runs(
         changes=tuple(request.changes),
         exit_code=code,
         headline=headline,
-        verdicts=dict(Counter(judged.verdict for judged in runs)),
+        verdicts=dict(Counter(run_parity.verdict for run_parity in runs)),
         findings=tuple(checks),
         closed_form=_closed_form(closed, panel.scene),
         runs=tuple(runs),
@@ -154,15 +158,15 @@ def _judge_run(
     if error is not None:
         return _describe_run(member, verdict="failed", reason=error)
     verdict, first, numbers = judge_run(comparison, place)
-    measured = {name: _measure_quantity(name, rule, metrics) for name, rule in rules.items()}
+    readings = {name: _measure_quantity(name, rule, metrics) for name, rule in rules.items()}
     if verdict == "ambiguous":
-        measured = {
+        readings = {
             name: reading.model_copy(update={"above_tolerance": False})
-            for name, reading in measured.items()
+            for name, reading in readings.items()
         }
     labels = str(metrics[0].get("label")), str(metrics[2].get("label"))
     return _describe_run(
-        member, verdict=verdict, first_divergence=first, labels=labels, measured=measured, **numbers
+        member, verdict=verdict, first_divergence=first, labels=labels, measured=readings, **numbers
     )
 
 
@@ -198,27 +202,27 @@ _CODES = {"different": WORSE, "failed": NOT_COMPARABLE}
 
 def _make_checks(runs: Sequence[RunParity], rules: Mapping[str, MetricRule]) -> Iterator[Finding]:
     """Yield the checks of a panel: that its runs can be compared, their stages, each quantity."""
-    refused = [judged for judged in runs if judged.verdict == "refused"]
-    compared = [judged for judged in runs if judged.verdict not in {"refused", "failed"}]
-    reasons = ", ".join(dict.fromkeys(judged.reason for judged in runs if judged.reason))
+    refused = [run for run in runs if run.verdict == "refused"]
+    compared = [run for run in runs if run.verdict not in {"refused", "failed"}]
+    reasons = ", ".join(dict.fromkeys(run.reason for run in runs if run.reason))
     able = Subject("runs can be simulated", "evidence", "gate" if not compared else "warn")
     if not compared:
         yield able.skipped(reasons)
         return
-    codes = np.array([WORSE if judged in refused else SAME for judged in runs], np.int8)
+    codes = np.array([WORSE if run in refused else SAME for run in runs], np.int8)
     yield able.finding(
         codes, f"{out_of(len(refused), len(runs))} refused: {reasons}" if refused else "all can"
     )
-    others = [judged for judged in runs if judged.verdict != "refused"]
+    others = [run for run in runs if run.verdict != "refused"]
     codes = np.array([_CODES.get(other.verdict, SAME) for other in others], np.int8)
     message = _verdict_counts(Counter(other.verdict for other in others))
     yield Subject("stages agree", "runs", "gate").finding(
         codes,
         message,
         [
-            _run_pair(judged, "", str(judged.first_divergence))
-            for judged in others
-            if judged.verdict == "different"
+            _run_pair(run, "", str(run.first_divergence))
+            for run in others
+            if run.verdict == "different"
         ],
     )
     for name, rule in rules.items():
@@ -227,38 +231,40 @@ def _make_checks(runs: Sequence[RunParity], rules: Mapping[str, MetricRule]) -> 
 
 def _quantity_checks(name: str, rule: MetricRule, runs: Sequence[RunParity]) -> Iterator[Finding]:
     """Yield the checks of a quantity: of its mean, and of each run."""
-    told = [(run, run.measured[name]) for run in runs]
-    told = [
-        (run, reading) for run, reading in told if (reading.mujoco, reading.engine) != (None, None)
+    readings = [(run, run.measured[name]) for run in runs]
+    readings = [
+        (run, reading)
+        for run, reading in readings
+        if (reading.mujoco, reading.engine) != (None, None)
     ]
     level, share = rule.level or "gate", rule.rel or 0.0
     mean, worst = (
         Subject(f"{name} {of}", "metrics", level) for of in ("on average", "of each run")
     )
-    if not told:
+    if not readings:
         yield from (
             subject.finding(np.zeros(0, np.int8), "applies to no run") for subject in (mean, worst)
         )
         return
     tolerance = f"(tolerance {format_percent(share)} and the effect of rounding)"
     differences = [
-        math.inf if reading.difference is None else reading.difference for _, reading in told
+        math.inf if reading.difference is None else reading.difference for _, reading in readings
     ]
-    average, beyond = fmean(differences), [reading.above_tolerance for _, reading in told]
-    known = [
+    average, beyond = fmean(differences), [reading.above_tolerance for _, reading in readings]
+    value_pairs = [
         (reading.mujoco, reading.engine)
-        for _, reading in told
+        for _, reading in readings
         if reading.mujoco is not None and reading.engine is not None
     ]
-    shown = ""
-    if known:
-        ours, theirs = (fmean(values) for values in zip(*known, strict=True))
-        shown = f"{ours:.4g} -> {theirs:.4g}; "
+    means_text = ""
+    if value_pairs:
+        ours, theirs = (fmean(values) for values in zip(*value_pairs, strict=True))
+        means_text = f"{ours:.4g} -> {theirs:.4g}; "
     code = WORSE if average > share and any(beyond) else SAME
-    message = f"{shown}runs differ by {format_percent(average)} {tolerance}"
-    yield mean.single(code, message, judged_count=len(told))
+    message = f"{means_text}runs differ by {format_percent(average)} {tolerance}"
+    yield mean.single(code, message, judged_count=len(readings))
     ranked = sorted(
-        told, key=lambda entry: (not entry[1].above_tolerance, -(entry[1].difference or 0))
+        readings, key=lambda entry: (not entry[1].above_tolerance, -(entry[1].difference or 0))
     )
     pairs = [
         _run_pair(run, reading.mujoco, reading.engine)
@@ -285,11 +291,11 @@ def _run_pair(run: RunParity, ours: float | str | None, theirs: float | str | No
 
 def _closed_form(errors: Sequence[tuple[float, float]], scene: Scene) -> ClosedForm | None:
     """Return the differences of both engines from the closed form; None without one."""
-    known = [pair for pair in errors if all(map(math.isfinite, pair))]
+    finite_errors = [pair for pair in errors if all(map(math.isfinite, pair))]
     manifest = scene.source.manifest
-    if not known or manifest is None or manifest.oracle is None:
+    if not finite_errors or manifest is None or manifest.oracle is None:
         return None
-    ours, theirs = (max(map(abs, values)) for values in zip(*known, strict=True))
+    ours, theirs = (max(map(abs, values)) for values in zip(*finite_errors, strict=True))
     limit = manifest.oracle.tolerance
     off = ("both" if theirs > limit else "mujoco") if ours > limit else None
     return ClosedForm(

@@ -76,14 +76,16 @@ def measure_divergence(motion: Motion, workers: int) -> Divergence:
     nudges[:: 1 + copies] = 0
     starts[:, place] += nudges * np.maximum(1.0, np.abs(starts[:, place]))
     many = replace(motion, starts=starts, inputs=np.repeat(motion.inputs, 1 + copies, axis=0))
-    kept = replay(many, motion.steps * float(model.opt.timestep), workers).velocity_states[:, :-1]
+    states = replay(many, motion.steps * float(model.opt.timestep), workers).velocity_states[:, :-1]
     nq = model.nq
-    places = np.linspace(0, kept.shape[1] - 1, _PARTS + 1).astype(int)
-    seen = kept[:, places, nq : nq + model.nv].reshape(motion.seeds, 1 + copies, len(places), -1)
+    places = np.linspace(0, states.shape[1] - 1, _PARTS + 1).astype(int)
+    velocities = states[:, places, nq : nq + model.nv].reshape(
+        motion.seeds, 1 + copies, len(places), -1
+    )
     with np.errstate(invalid="ignore", over="ignore"):
-        apart = np.linalg.norm(seen[:, 1:] - seen[:, :1], axis=-1)
+        apart = np.linalg.norm(velocities[:, 1:] - velocities[:, :1], axis=-1)
     apart = np.maximum(np.nan_to_num(apart, nan=np.inf), 1e-300)
-    found = list[Divergence]()
+    growths = list[Divergence]()
     for copies in apart.reshape(-1, len(places)):
         whole = float(copies[1:].max() / copies[0])
         # Regrowth up to an earlier peak does not count again.
@@ -91,8 +93,8 @@ def measure_divergence(motion: Motion, workers: int) -> Divergence:
         steps = np.diff(np.log(peaks))
         total = float(steps.sum())
         jump = float(steps.max() / total) if total > 0 else 0.0
-        found.append(Divergence(whole, int((steps > 1).sum()), jump))
-    return max(found, key=lambda growth: (growth.chaotic, growth.factor))
+        growths.append(Divergence(whole, int((steps > 1).sum()), jump))
+    return max(growths, key=lambda growth: (growth.chaotic, growth.factor))
 
 
 @dataclass(frozen=True)
@@ -156,13 +158,13 @@ class ForwardError:
         That is the model's own integrator or RK4, whichever changes the end less if steps are
         halved.
         """
-        own, found = int(self._motion.model.opt.integrator), list[tuple[float, Floats]]()
+        own, references = int(self._motion.model.opt.integrator), list[tuple[float, Floats]]()
         for kind in dict.fromkeys([own] if self._motion.model.nflex else [own, _RK4]):
             once, twice = (self._states_at(kind, rate * self._finer)[:, ::rate] for rate in (1, 2))
             end = min(once.shape[1], twice.shape[1]) - 1
             apart = float(np.abs(once[:, end] - twice[:, end]).max())
-            found.append((apart if math.isfinite(apart) else math.inf, twice))
-        return min(found, key=lambda pair: pair[0])[1]
+            references.append((apart if math.isfinite(apart) else math.inf, twice))
+        return min(references, key=lambda pair: pair[0])[1]
 
     def _states_at(self, integrator: int, rate: int) -> Floats:
         """Return the states of the motion by an integrator, at `rate` substeps."""
@@ -182,7 +184,7 @@ class ForwardError:
         start = np.zeros_like(every)
         inputs = held_inputs(self._motion, self._finer, every, start, multiple, steps)
         motion = replace(self._motion, model=own, inputs=inputs)
-        kept = replay(motion, steps * float(own.opt.timestep), self._workers).velocity_states[
+        states = replay(motion, steps * float(own.opt.timestep), self._workers).velocity_states[
             :, :-1
         ]
         places = [steps]
@@ -194,7 +196,7 @@ class ForwardError:
             np.empty((len(inputs), len(self._observed), len(places))),
         )
         for seed, which, place in np.ndindex(distances.shape):
-            ends = kept[seed, places[place]], self._reference[seed, places[place] * multiple]
+            ends = states[seed, places[place]], self._reference[seed, places[place] * multiple]
             one, other = (_read_output(own, data, end, self._observed[which]) for end in ends)
             distances[seed, which, place] = np.linalg.norm(one - other)
         distances[~np.isfinite(distances)] = np.inf

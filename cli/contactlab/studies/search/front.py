@@ -63,18 +63,18 @@ def choose_contenders(
     """
     rules = rules or FrontRules()
     fixed = {one.configuration.key: one for one in marked}
-    kept, best, seen = list(fixed.values()), math.inf, set[str]()
-    known = [one for one in candidates if one.error and math.isfinite(one.cost)]
-    known.sort(key=lambda one: (cost_of(one), len(one.configuration.settings)))
-    for one in known:
+    chosen, best, seen_texts = list(fixed.values()), math.inf, set[str]()
+    measured_points = [one for one in candidates if one.error and math.isfinite(one.cost)]
+    measured_points.sort(key=lambda one: (cost_of(one), len(one.configuration.settings)))
+    for one in measured_points:
         error, text = error_of(one), f"{error_of(one):.4g}"
-        is_new = text not in seen and one.configuration.key not in fixed
+        is_new = text not in seen_texts and one.configuration.key not in fixed
         if is_new and error <= min(rules.noise * best, limit):
-            kept.append(one)
-        seen.add(text)
+            chosen.append(one)
+        seen_texts.add(text)
         best = min(best, error)
-    kept.sort(key=lambda one: (-one.cost, error_of(one)))
-    return _thin_out(kept, fixed, -math.inf, rules.contenders)
+    chosen.sort(key=lambda one: (-one.cost, error_of(one)))
+    return _thin_out(chosen, fixed, -math.inf, rules.contenders)
 
 
 def choose_front(
@@ -119,23 +119,23 @@ def _drop_equal(
     points: Sequence[Evaluation], fixed: Container[Key], rules: FrontRules
 ) -> list[Evaluation]:
     # A marked one of equal points stays, otherwise the accurate or fast one.
-    kept = list[Evaluation]()
+    distinct = list[Evaluation]()
     most_accurate: Evaluation | None = None  # of those that the last point stands for
     for one in points:
         is_fixed = one.configuration.key in fixed
-        last = kept[-1] if kept else one
-        if kept and not (is_fixed and last.configuration.key in fixed):
+        last = distinct[-1] if distinct else one
+        if distinct and not (is_fixed and last.configuration.key in fixed):
             if rules.is_same_cost(one, last):
                 if is_fixed:
-                    kept[-1] = one
+                    distinct[-1] = one
                 continue
             assert most_accurate
             if rules.is_same_error(one, most_accurate) and last.configuration.key not in fixed:
-                kept[-1] = one
+                distinct[-1] = one
                 continue
-        kept.append(one)
+        distinct.append(one)
         most_accurate = one
-    return kept
+    return distinct
 
 
 def _thin_out(
@@ -145,11 +145,11 @@ def _thin_out(
     #
     # A point that the straight line between its neighbors replaces, in logarithms, is missed least;
     # of savings below the least one, the point with the closest neighbors.
-    left = list(points)
-    spans = [_total_span(left, value) for value in (cost_of, error_of)]
+    remaining = list(points)
+    spans = [_total_span(remaining, value) for value in (cost_of, error_of)]
 
     def measure_loss(place: int) -> tuple[float, float]:
-        before, after = left[place - 1], left[place + 1]
+        before, after = remaining[place - 1], remaining[place + 1]
         between = points[points.index(before) + 1 : points.index(after)]
         bend = max(_saving_beyond(one, before, after) for one in between)
         gap = math.hypot(
@@ -160,14 +160,16 @@ def _thin_out(
         )
         return max(bend, least), gap
 
-    while len(left) > most:
+    while len(remaining) > most:
         inner = [
-            place for place in range(1, len(left) - 1) if left[place].configuration.key not in fixed
+            place
+            for place in range(1, len(remaining) - 1)
+            if remaining[place].configuration.key not in fixed
         ]
         if not inner:
             break
-        left.pop(min(inner, key=measure_loss))
-    return left
+        remaining.pop(min(inner, key=measure_loss))
+    return remaining
 
 
 def _saving_beyond(one: Evaluation, before: Evaluation, after: Evaluation) -> float:
@@ -208,9 +210,9 @@ def drop_slower(
         time_of: returns the time of a point.
         marked: keys of candidates that are points in any case.
     """
-    kept, fastest = list[Point](), math.inf
+    faster, fastest = list[Point](), math.inf
     for point in points:
         if time_of(point) < fastest or point[1].configuration.key in marked:
-            kept.append(point)
+            faster.append(point)
         fastest = min(fastest, time_of(point))
-    return kept
+    return faster

@@ -45,8 +45,8 @@ def no_speedup_text(report: TuneReport) -> str:
     if unconstrained is None or current.error is None:
         return ""
     limit = max(report.target.limit, EQUAL_ERROR_RATIO * current.error)
-    measured = [one for one in report.candidates if one.error is not None]
-    same_step = [one for one in measured if one.timestep == current.timestep]
+    measured_candidates = [one for one in report.candidates if one.error is not None]
+    same_step = [one for one in measured_candidates if one.timestep == current.timestep]
     good = [
         (one.cost, one) for one in same_step if one.cost is not None and (one.error or 0.0) <= limit
     ]
@@ -55,7 +55,9 @@ def no_speedup_text(report: TuneReport) -> str:
         ratio, best = min(good, key=lambda pair: pair[0])
         parts.append(f"x{min(ratio, 1.0):.2f} at best ({settings_text(best, current)})")
     longer = [
-        one for one in measured if one.timestep > current.timestep and (one.error or 0.0) > limit
+        one
+        for one in measured_candidates
+        if one.timestep > current.timestep and (one.error or 0.0) > limit
     ]
     if longer:
         next_one = min(longer, key=lambda one: (one.timestep, one.error))
@@ -116,7 +118,7 @@ def _unverified_candidate(report: TuneReport) -> Candidate | None:
     limit = report.target.tolerance
     if not above:
         limit = max(report.target.limit, EQUAL_ERROR_RATIO * current)
-    found = [
+    unverified = [
         (one.cost, one)
         for one in report.candidates
         if one.cost is not None
@@ -124,7 +126,7 @@ def _unverified_candidate(report: TuneReport) -> Candidate | None:
         and (one.error or 0.0) <= limit
         and settings_text(one, report.current) not in rejected
     ]
-    return min(found, key=lambda pair: pair[0])[1] if found else None
+    return min(unverified, key=lambda pair: pair[0])[1] if unverified else None
 
 
 def _has_unverified(report: TuneReport) -> bool:

@@ -47,10 +47,10 @@ def _read_report(place: Path) -> TuneReport | None:
 def _is_same_question(request: TuneRequest, report: TuneReport) -> bool:
     """Return whether a report of the same model and task has the same target and options."""
     target = report.target
-    given = target.limit if target.kind in ("error", "forward error") else None
-    asked = request.error
-    if asked is not None and request.error_at is None:
-        asked = min(asked, target.tolerance)
+    stored_limit = target.limit if target.kind in ("error", "forward error") else None
+    requested_error = request.error
+    if requested_error is not None and request.error_at is None:
+        requested_error = min(requested_error, target.tolerance)
     reductions = dict[ReductionName, float | None]()
     if report.far_pairs and report.far_pairs.removed:
         reductions["far-pairs"] = report.far_pairs.distance
@@ -63,8 +63,8 @@ def _is_same_question(request: TuneRequest, report: TuneReport) -> bool:
         report.ended != "time"
         and same_work
         and (
-            (asked, request.real_time, tuple(request.observed), request.error_at)
-            == (given, target.real_time, target.observed, target.error_at)
+            (requested_error, request.real_time, tuple(request.observed), request.error_at)
+            == (stored_limit, target.real_time, target.observed, target.error_at)
             and dict(request.apply) == reductions
         )
     )

@@ -14,33 +14,35 @@ Made = Callable[[dict[str, int]], mujoco.MjModel]
 """Compiles a model with at most the given numbers of hull vertices, by mesh name."""
 
 
-def fewest_vertices(model: mujoco.MjModel, made: Made, within: float) -> dict[str, int]:
+def fewest_vertices(model: mujoco.MjModel, simplify: Made, within: float) -> dict[str, int]:
     """Return the fewest vertices of the colliding hulls within a distance [m], by mesh.
 
     Meshes whose hull is smallest already, or whose own frame depends on it, are skipped.
     """
-    left = {mesh: hull_vertices(model, mesh) for mesh in colliding_meshes(model)}
-    found = dict[str, int]()
+    unsimplified = {mesh: hull_vertices(model, mesh) for mesh in colliding_meshes(model)}
+    counts = dict[str, int]()
     for count in VERTEX_COUNTS:
-        left = {mesh: own for mesh, own in left.items() if len(own) > count}
-        if not left:
+        unsimplified = {mesh: own for mesh, own in unsimplified.items() if len(own) > count}
+        if not unsimplified:
             break
-        smaller = made({model.mesh(mesh).name: count for mesh in left})
+        smaller = simplify({model.mesh(mesh).name: count for mesh in unsimplified})
         # A mesh without faces equals its hull, so that its inertia would change.
-        left = {mesh: own for mesh, own in left.items() if _is_same_mesh(model, smaller, mesh)}
-        for mesh, own in list(left.items()):
+        unsimplified = {
+            mesh: own for mesh, own in unsimplified.items() if _is_same_mesh(model, smaller, mesh)
+        }
+        for mesh, own in list(unsimplified.items()):
             if hull_distance(own, hull_vertices(smaller, mesh)) <= within:
-                found[model.mesh(mesh).name] = count
-                del left[mesh]
-    return found
+                counts[model.mesh(mesh).name] = count
+                del unsimplified[mesh]
+    return counts
 
 
 def _is_same_mesh(model: mujoco.MjModel, other: mujoco.MjModel, mesh: int) -> bool:
     """Return whether a mesh has the same vertices, in its own frame, in both models."""
     one, two = (
-        np.concatenate([made.mesh_vert[first : first + count].ravel(), made.mesh_pos[mesh]])
-        for made in (model, other)
-        for first, count in [(made.mesh_vertadr[mesh], made.mesh_vertnum[mesh])]
+        np.concatenate([side.mesh_vert[first : first + count].ravel(), side.mesh_pos[mesh]])
+        for side in (model, other)
+        for first, count in [(side.mesh_vertadr[mesh], side.mesh_vertnum[mesh])]
     )
     return bool(np.array_equal(one, two))
 
@@ -88,8 +90,8 @@ def hull_distance(outer: Floats, inner: Floats) -> float:
 
 
 def _removed_vertices(outer: Floats, inner: Floats, centre: Floats) -> Iterable[Floats]:
-    kept = {vertex.tobytes() for vertex in inner}
-    return (vertex - centre for vertex in outer if vertex.tobytes() not in kept)
+    inner_bytes = {vertex.tobytes() for vertex in inner}
+    return (vertex - centre for vertex in outer if vertex.tobytes() not in inner_bytes)
 
 
 def _distance_to_hull(rows: Floats, vertex: Floats, heavy: float) -> float:

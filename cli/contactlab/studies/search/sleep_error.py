@@ -37,13 +37,13 @@ class SleepAwareError:
             return self.awake.estimate_error(model, multiple)
         awake = copy.copy(model)
         awake.opt.enableflags &= ~_SLEEP
-        found = self.awake.estimate_error(awake, multiple)
-        made = run_at_once(model)
-        made.opt.timestep = multiple * self.motions[0].model.opt.timestep / self.substeps
+        awake_error = self.awake.estimate_error(awake, multiple)
+        sleeping_model = run_at_once(model)
+        sleeping_model.opt.timestep = multiple * self.motions[0].model.opt.timestep / self.substeps
         runs = [
             replace(
                 motion_at_steps(motion, self.substeps, np.arange(motion.seeds), multiple),
-                model=made,
+                model=sleeping_model,
             )
             for motion in self.motions
         ]
@@ -51,7 +51,7 @@ class SleepAwareError:
         budget = error_budget(runs, rows=(), settings=settings)
         phase = max(budget.phases, key=lambda phase: phase.run.error)
         run = phase.run
-        if run.error <= found.error:
-            return found
+        if run.error <= awake_error.error:
+            return awake_error
         seeds, body = tuple(map(float, run.seeds)), phase.bodies[run.body]
         return ErrorEstimate(run.error, body, phase.name, run.time, min(seeds), max(seeds), seeds)

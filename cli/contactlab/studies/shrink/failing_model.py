@@ -131,16 +131,21 @@ class Start:
         """Return the state and drive of the remaining model, some steps later."""
         data = mujoco.MjData(model)
         mujoco.mj_resetDataKeyframe(model, data, model.key(START).id)
-        known, first = coordinate_indices(model), part_starts(model)["ctrl"]
-        named = [self.inputs[place] for place in self._kept_places(model)]
-        kept, places = (
+        coordinate_places, first = coordinate_indices(model), part_starts(model)["ctrl"]
+        kept_inputs = [self.inputs[place] for place in self._kept_places(model)]
+        input_places, places = (
             self._kept_places(model),
-            [known[name if name in known else f"{name}.ctrl"] - first for name in named],
+            [
+                coordinate_places[name if name in coordinate_places else f"{name}.ctrl"] - first
+                for name in kept_inputs
+            ],
         )
         inputs = np.hstack([data.ctrl, data.xfrc_applied.ravel()])
         for _ in range(steps):
-            if self.controls is not None and kept:
-                inputs[places] = self.controls.levels[_row_at(self.controls, data.time), kept]
+            if self.controls is not None and input_places:
+                inputs[places] = self.controls.levels[
+                    _row_at(self.controls, data.time), input_places
+                ]
                 data.ctrl[:] = inputs[: model.nu]
                 data.xfrc_applied[:] = inputs[model.nu :].reshape(-1, 6)
             mujoco.mj_step(model, data)
@@ -177,13 +182,13 @@ class Start:
         """Return the drive of the remaining model as CSV; empty if nothing does."""
         if self.controls is None:
             return ""
-        kept = self._kept_places(model)
-        levels = self.controls.levels[:, kept]
+        input_places = self._kept_places(model)
+        levels = self.controls.levels[:, input_places]
         if not levels.any():
             return ""
         times = self.controls.times
         last = min(len(times) - 1, int(np.searchsorted(times, duration)))
-        head = ",".join(["time", *(self.inputs[place] for place in kept)])
+        head = ",".join(["time", *(self.inputs[place] for place in input_places)])
         rows = np.column_stack([times, levels])[: last + 1]
         return "\n".join([head, *(",".join(map(repr, row)) for row in rows.tolist())]) + "\n"
 
@@ -230,8 +235,8 @@ def as_one_file(scene: Scene, run: RunSpec, start: InitialStates) -> str:
     _write_inertia(spec, meant, {geom.parent.name for geom in looks})
     for geom in looks:
         spec.delete(geom)
-    shown = {geom.meshname for geom in spec.geoms}
-    for mesh in [mesh for mesh in spec.meshes if mesh.name not in shown]:
+    used_meshes = {geom.meshname for geom in spec.geoms}
+    for mesh in [mesh for mesh in spec.meshes if mesh.name not in used_meshes]:
         spec.delete(mesh)
     have, want = fields_of(spec.compile()), fields_of(meant)
     others = {int(row) for name in _INERTIAS for row in differing_rows(have[name], want[name])}
@@ -241,16 +246,18 @@ def as_one_file(scene: Scene, run: RunSpec, start: InitialStates) -> str:
 
 def _drawn_geoms(model: mujoco.MjModel) -> set[str]:
     """Return the names of geoms that touch nothing, and that no tendon, sensor or fluid meets."""
-    met = (model.geom_contype | model.geom_conaffinity).astype(bool) | (model.geom_fluid[:, 0] > 0)
-    met[np.concatenate([model.pair_geom1, model.pair_geom2])] = True
+    acts_physically = (model.geom_contype | model.geom_conaffinity).astype(bool) | (
+        model.geom_fluid[:, 0] > 0
+    )
+    acts_physically[np.concatenate([model.pair_geom1, model.pair_geom2])] = True
     wraps = [int(mujoco.mjtWrap.mjWRAP_SPHERE), int(mujoco.mjtWrap.mjWRAP_CYLINDER)]
-    met[model.wrap_objid[np.isin(model.wrap_type, wraps)]] = True
+    acts_physically[model.wrap_objid[np.isin(model.wrap_type, wraps)]] = True
     for kinds, parts in (
         (model.sensor_objtype, model.sensor_objid),
         (model.sensor_reftype, model.sensor_refid),
     ):
-        met[parts[kinds == mujoco.mjtObj.mjOBJ_GEOM]] = True
-    return {model.geom(int(geom)).name for geom in np.flatnonzero(~met)}
+        acts_physically[parts[kinds == mujoco.mjtObj.mjOBJ_GEOM]] = True
+    return {model.geom(int(geom)).name for geom in np.flatnonzero(~acts_physically)}
 
 
 def _write_inertia(spec: mujoco.MjSpec, meant: mujoco.MjModel, bodies: Collection[str]) -> None:
@@ -273,31 +280,31 @@ def _plain_text(spec: mujoco.MjSpec) -> str:
     root = ET.fromstring(str(spec.to_xml()))  # noqa: S314 - MuJoCo wrote it
     defaults = root.findall("default")
     classes = {default.get("class") for each in defaults for default in each.iter("default")}
-    used = {
+    used_classes = {
         element.get(name)
         for part in root
         if part.tag != "default"
         for element in part.iter()
         for name in ("class", "childclass")
     }
-    for each in defaults if classes - used else ():
-        _drop_unused(each, used)
+    for each in defaults if classes - used_classes else ():
+        _drop_unused(each, used_classes)
     # Remove sites that nothing names, and frames that hold nothing.
-    named = {value for part in root.iter() for key, value in part.items() if key != "name"}
+    referenced = {value for part in root.iter() for key, value in part.items() if key != "name"}
     for parent in [part for world in root.findall("worldbody") for part in world.iter()][::-1]:
         for child in list(parent):
-            site = child.tag == "site" and child.get("name") not in named
+            site = child.tag == "site" and child.get("name") not in referenced
             if site or (child.tag == "frame" and not len(child)):
                 parent.remove(child)
     return ET.tostring(root, "unicode")
 
 
-def _drop_unused(default: ET.Element, used: set[str | None]) -> bool:
+def _drop_unused(default: ET.Element, used_classes: set[str | None]) -> bool:
     """Remove classes below one that nothing uses; return whether it is used, or one below it is."""
     inner = default.findall("default")
-    for each in [each for each in inner if not _drop_unused(each, used)]:
+    for each in [each for each in inner if not _drop_unused(each, used_classes)]:
         default.remove(each)
-    return default.get("class") in {"main", *used} or default.find("default") is not None
+    return default.get("class") in {"main", *used_classes} or default.find("default") is not None
 
 
 def _without_assets(spec: mujoco.MjSpec, model: mujoco.MjModel) -> str:
@@ -357,14 +364,14 @@ def _geom_poses(model: mujoco.MjModel) -> Floats:
 
     MuJoCo has a mesh in the frame of its own inertia, which is not that of its hull.
     """
-    found = np.hstack([model.geom_pos, model.geom_quat])
+    geom_poses = np.hstack([model.geom_pos, model.geom_quat])
     for geom in np.flatnonzero(model.geom_type == int(_MESH)):
         mesh, back, turn = int(model.geom_dataid[geom]), np.zeros(4), np.zeros(4)
         mujoco.mju_negQuat(back, model.mesh_quat[mesh])
         mujoco.mju_mulQuat(turn, model.geom_quat[geom], back)
-        found[geom, :3] -= rotation_matrix(turn) @ model.mesh_pos[mesh]
-        found[geom, 3:] = turn
-    return _one_sign(found)
+        geom_poses[geom, :3] -= rotation_matrix(turn) @ model.mesh_pos[mesh]
+        geom_poses[geom, 3:] = turn
+    return _one_sign(geom_poses)
 
 
 def _one_sign(poses: Floats) -> Floats:
@@ -453,12 +460,12 @@ class FailingModel:
 
     def monitored_pairs(self) -> list[dict[str, object]]:
         """Return the pairs that are left, as a scene's manifest has them."""
-        left = {kind: {*self.part_names(kind), "world"} for kind in ("geoms", "bodies")}
+        remaining_parts = {kind: {*self.part_names(kind), "world"} for kind in ("geoms", "bodies")}
         return [
             {kind: list(pair.sides), "slots": pair.slots}
             for pair in self.pairs
             for kind in ["bodies" if pair.bodies else "geoms"]
-            if {*pair.sides} <= left[kind]
+            if {*pair.sides} <= remaining_parts[kind]
         ]
 
     def part_names(self, kind: str) -> list[str]:
@@ -473,7 +480,7 @@ class FailingModel:
         spec = self.make_spec()
         parts = {part.name: part for part in _list_elements(spec, kind)}
         for name in names:
-            if name in {left.name for left in getattr(spec, kind)}:
+            if name in {existing.name for existing in getattr(spec, kind)}:
                 spec.delete(parts[name])
         return self._with_spec(spec)
 

@@ -158,8 +158,8 @@ def _find_trials(
     thresholds = manifest.thresholds if manifest else {}
     why = ""
     # The first judging has no checks, which many labels do not need.
-    for judged in ({**keys, "checks": "none"}, keys):
-        trials = _Trials(folder, _Judging(judged, thresholds), _Failure.of(record))
+    for sweep_keys in ({**keys, "checks": "none"}, keys):
+        trials = _Trials(folder, _Judging(sweep_keys, thresholds), _Failure.of(record))
         why = trials.find_difference(model)
         if not why:
             return trials
@@ -335,20 +335,20 @@ def _remove_parts(
     trials: Trials,
 ) -> FailingModel:
     """Return the model without as many parts of a kind as can go."""
-    kept, share = model.part_names(kind), 1
-    while kept and not trials.over:
-        size = math.ceil(len(kept) / share)
-        for first in range(0, len(kept), size):
-            smaller = without(model, names=kept[first : first + size])
+    part_names, share = model.part_names(kind), 1
+    while part_names and not trials.over:
+        size = math.ceil(len(part_names) / share)
+        for first in range(0, len(part_names), size):
+            smaller = without(model, names=part_names[first : first + size])
             if smaller is not None and trials.still_fails(smaller):
-                left = {*smaller.part_names(kind)}
-                kept = [name for name in kept if name in left]
+                remaining_names = {*smaller.part_names(kind)}
+                part_names = [name for name in part_names if name in remaining_names]
                 model, share = smaller, max(share - 1, 1)
                 break
         else:
             if size == 1:
                 break
-            share = min(2 * share, len(kept))
+            share = min(2 * share, len(part_names))
     return model
 
 

@@ -48,10 +48,10 @@ class ContactHold:
     def describe_creep(self) -> str:
         """Say how far the contact creeps, and when it would be lost."""
         values = (self.creep, "m"), (0.5 * self.seconds, "s"), (self.seconds, "s")
-        creep, half, whole, left = (
+        creep, half, whole, time_left = (
             format_amount(*each) for each in (*values, (self.seconds_left, "s"))
         )
-        return f"creeps {creep} in {half}; held for {whole}, it would be lost {left} later"
+        return f"creeps {creep} in {half}; held for {whole}, it would be lost {time_left} later"
 
 
 @dataclass(frozen=True)

@@ -70,12 +70,12 @@ class EpisodeTable:
 
     def find_first_losses(self) -> Mapping[str, Case]:
         """Return the first success that each variant of numerics takes away, by variant."""
-        found = dict[str, Case]()
+        first_cases = dict[str, Case]()
         for case in self._lost_cases():
             for cause in self.find_losses(case):
                 if cause in self.numerics:
-                    found.setdefault(cause, case)
-        return found
+                    first_cases.setdefault(cause, case)
+        return first_cases
 
     def count_outcomes(self, variant: str) -> "PairedOutcomes":
         """Return the outcomes of a variant next to those as written."""

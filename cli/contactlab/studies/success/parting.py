@@ -40,16 +40,16 @@ def find_parting(
 
     The second episode may make several steps for each of the first.
     """
-    written, variant = traces
+    original, variant = traces
     most_samples, reach_share = 2000, 0.5  # farther than half of the reach of a body is elsewhere
-    count = min(len(written.time), most_samples)
-    rows = np.unique(np.linspace(0, len(written.time) - 1, count).astype(int))
-    rows = rows[written.time[rows] <= variant.time[-1] + np.ptp(written.time[:2]) / 2]
+    count = min(len(original.time), most_samples)
+    rows = np.unique(np.linspace(0, len(original.time) - 1, count).astype(int))
+    rows = rows[original.time[rows] <= variant.time[-1] + np.ptp(original.time[:2]) / 2]
     half_step = np.ptp(variant.time[:2]) / 2
-    others = np.searchsorted(variant.time, written.time[rows] - half_step)
+    others = np.searchsorted(variant.time, original.time[rows] - half_step)
     others = np.minimum(others, len(variant.time) - 1)
     apart = np.linalg.norm(
-        _find_positions(model, written.qpos[rows], bodies)
+        _find_positions(model, original.qpos[rows], bodies)
         - _find_positions(model, variant.qpos[others], bodies),
         axis=2,
     )
@@ -60,11 +60,11 @@ def find_parting(
         return None
     first = int(beyond.any(axis=1).argmax())
     place = int(beyond[first].argmax())
-    time = float(written.time[rows[first]])
+    time = float(original.time[rows[first]])
     forces = [
         PartingForce(
             pair=name,
-            written=_mean_force(written, name, time),
+            written=_mean_force(original, name, time),
             variant=_mean_force(variant, name, time),
         )
         for name in pairs

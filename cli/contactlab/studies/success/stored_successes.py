@@ -51,8 +51,10 @@ OUTCOMES_FILE = TypeAdapter(list[PlayedEpisode])
 _NOT_VARIED = "how often it succeeds with other friction, mass, latency and noise"
 
 
-def judge_store(request: SuccessRequest, store: Store, planned: int | None = None) -> SuccessReport:
-    """Return the report of the episodes of a store, of `planned` cases if more were planned.
+def judge_store(
+    request: SuccessRequest, store: Store, planned_cases: int | None = None
+) -> SuccessReport:
+    """Return the report of the episodes of a store, of `planned_cases` if more were planned.
 
     Raises a StoreError if they do not say how they ended.
     """
@@ -91,7 +93,9 @@ def judge_store(request: SuccessRequest, store: Store, planned: int | None = Non
         variants=tuple(map(judge.compare_variant, judge.variants)),
         parting=judge.find_first_parting(),
         needed=needed,
-        stop="decided" if planned is not None and len(table.rows) < planned else "all episodes",
+        stop="decided"
+        if planned_cases is not None and len(table.rows) < planned_cases
+        else "all episodes",
         anytime=request.stops_early,
         requirements=tuple(decide_requirement(text, shares) for text in request.requirements),
         repeated=bool(table.numerics),
@@ -124,9 +128,9 @@ class _StoreJudge:
             )
         self.contacts = DecisiveContacts(self._base, request.objects, request.depth_limit)
         unrecorded = _read_unrecorded(store)
-        written = [each for each in records if _variant_of(each) == AS_WRITTEN]
-        traced = [each for each in written if each.trace is not None]
-        self._untraced = len(written) - len(traced)
+        originals = [each for each in records if _variant_of(each) == AS_WRITTEN]
+        traced = [each for each in originals if each.trace is not None]
+        self._untraced = len(originals) - len(traced)
         self.contacts.find_object([store.trace(each) for each in traced[:FIRST_BLOCK]])
         played = set(map(_variant_of, (*records, *unrecorded)))
         self.variants = [each for name, each in load_variants().items() if name in played]
@@ -171,12 +175,12 @@ class _StoreJudge:
             yield loss if cause in self.table.numerics else self._add_example(loss)
 
     def _add_example(self, loss: SuccessLoss) -> SuccessLoss:
-        written = (row[AS_WRITTEN] for row in self.table.rows.values() if AS_WRITTEN in row)
-        contacts = ((each.run_id, each.contact.causes) for each in written if each.contact)
-        run, found = next(
+        originals = (row[AS_WRITTEN] for row in self.table.rows.values() if AS_WRITTEN in row)
+        contacts = ((each.run_id, each.contact.causes) for each in originals if each.contact)
+        run, cause = next(
             (run, causes[loss.cause]) for run, causes in contacts if loss.cause in causes
         )
-        update = {"kind": "contact", "example": found.reason, "run": run, "time": found.time}
+        update = {"kind": "contact", "example": cause.reason, "run": run, "time": cause.time}
         return loss.model_copy(update=update)
 
     def compare_variant(self, variant: Variant) -> VariantResult:
@@ -208,27 +212,27 @@ class _StoreJudge:
         name = losses[0]
         case: Case = next(each for each in self.table.cases if name in self.table.find_losses(each))
         row = self.table.rows[case]
-        written, variant = (self._records[row[each].run_id] for each in (AS_WRITTEN, name))
-        if written.trace is None or variant.trace is None:
+        original, variant = (self._records[row[each].run_id] for each in (AS_WRITTEN, name))
+        if original.trace is None or variant.trace is None:
             return None
-        traces = self._store.trace(written), self._store.trace(variant)
+        traces = self._store.trace(original), self._store.trace(variant)
         pairs = [each.name for each in self.contacts.pairs]
         moment = find_parting(self._base.model, sorted(self.contacts.objects), traces, pairs)
         if moment is None:
             return None
-        own = {key: value for key, value in written.axes.items() if key != VARIANT}
+        own = {key: value for key, value in original.axes.items() if key != VARIANT}
         return Parting(
-            case={**own, "seed": written.seed},
+            case={**own, "seed": original.seed},
             variant=name,
             time=moment.time,
             body=moment.body,
             distance=moment.distance,
             forces=moment.forces,
-            runs=(written.run_id, variant.run_id),
+            runs=(original.run_id, variant.run_id),
         )
 
     def list_notes(self) -> Iterator[str]:
-        written = [row[AS_WRITTEN] for row in self.table.rows.values() if AS_WRITTEN in row]
+        originals = [row[AS_WRITTEN] for row in self.table.rows.values() if AS_WRITTEN in row]
         whole = [
             each
             for each in self._records.values()
@@ -240,7 +244,7 @@ class _StoreJudge:
                 f"{len(whole)} failures last the whole {duration} of an episode; "
                 "--duration allows longer ones"
             )
-        if failed := [each.problem for each in written if each.problem]:
+        if failed := [each.problem for each in originals if each.problem]:
             yield f"{len(failed)} episodes as written were not played: {failed[0]}"
         if self._untraced:
             yield f"{self._untraced} episodes have no trace, so their depths are not known"

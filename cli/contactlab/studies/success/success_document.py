@@ -74,19 +74,20 @@ def _share_facts(report: SuccessReport) -> Iterator[tuple[str, str]]:
         yield "physical", _share_text(report.physical)
     lost = report.written.good - report.physical.good
     ends = format_interval(*report.difference)
-    told = f"p = {report.chance:.2g}, McNemar"
+    chance_text = f"p = {report.chance:.2g}, McNemar"
     if lost and report.needed:
-        told = (
-            f"not distinguishable from chance ({told}); about {report.needed:,} episodes would be"
+        chance_text = (
+            f"not distinguishable from chance ({chance_text}); about {report.needed:,} episodes "
+            "would be"
         )
     noun = "success" if lost == 1 else "successes"
-    yield "difference", f"{lost} {noun} lost, {ends}; {told}"
+    yield "difference", f"{lost} {noun} lost, {ends}; {chance_text}"
     if report.stop == "decided":
         yield "episodes", f"stopped at {report.written.episodes}, once decided"
     elif report.anytime:
         yield "episodes", "all; intervals hold at any number of them"
-    named = "named" if report.named else "found in the traces"
-    yield "object", f"{', '.join(report.objects)} ({named})"
+    object_source = "named" if report.named else "found in the traces"
+    yield "object", f"{', '.join(report.objects)} ({object_source})"
     yield (
         "contacts",
         ", ".join(f"{each.pair} {format_percent(each.share)}" for each in report.pairs),

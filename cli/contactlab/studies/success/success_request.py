@@ -56,22 +56,24 @@ class SuccessRequest:
 
 def read_requirement(text: str) -> tuple[str, float]:
     """Return the required quantity and its least share; a SweepFileError for another text."""
-    found = _REQUIREMENT.fullmatch(text)
-    if not found:
+    match = _REQUIREMENT.fullmatch(text)
+    if not match:
         raise SweepFileError(f"--require {text}: write `success >= 90 %` or `physical >= 80 %`")
-    least = float(found[2]) / (100 if found[3] else 1)
+    least = float(match[2]) / (100 if match[3] else 1)
     if not 0 < least < 1:
         raise SweepFileError(f"--require {text}: the share must be between 0 and 100 %")
-    return found[1], least
+    return match[1], least
 
 
 def choose_variants(names: Sequence[str], model: mujoco.MjModel) -> list[Variant]:
     """Return the variants of names, or all, that change something in a model."""
-    known = load_variants()
+    variants_by_name = load_variants()
     for name in names:
-        SweepFileError.unless_known(name, known, f"--variant {name}: no such variant")
+        SweepFileError.unless_known(name, variants_by_name, f"--variant {name}: no such variant")
     return [
-        one for name, one in known.items() if (not names or name in names) and one.applies(model)
+        one
+        for name, one in variants_by_name.items()
+        if (not names or name in names) and one.applies(model)
     ]
 
 
@@ -83,8 +85,8 @@ def sweep_of_episodes(
     A SceneError says that there is no environment, or that its code is not allowed or fails; a
     SweepFileError that the sweep file cannot be read.
     """
-    written, folder = _read_source(request.source)
-    reference = str(scene_reference(written["scene"]))
+    sweep_text, folder = _read_source(request.source)
+    reference = str(scene_reference(sweep_text["scene"]))
     source = find_scene(reference, folder, allow_code=session.allow_code)
     if source.environment is None:
         raise SceneError(
@@ -107,12 +109,12 @@ def sweep_of_episodes(
         replace(session, folder=session.folder / "scene").write({MANIFEST: text})
         reference = f"{(session.folder / 'scene').absolute()}/"
     variants = choose_variants(request.variants, model)
-    axes = dict(cast("Mapping[str, object]", written.get("axes") or {}))
+    axes = dict(cast("Mapping[str, object]", sweep_text.get("axes") or {}))
     if VARIANT in axes:
         raise SweepFileError(f"axes: {VARIANT}: leave it out; --variant chooses some of them")
     axes[VARIANT] = [AS_WRITTEN, *(variant.name for variant in variants)]
-    episodes = request.episodes or written.get("seeds") or 100
-    sweep = {**written, "scene": reference, "axes": axes, "seeds": episodes, "trace": "all"}
+    episodes = request.episodes or sweep_text.get("seeds") or 100
+    sweep = {**sweep_text, "scene": reference, "axes": axes, "seeds": episodes, "trace": "all"}
     if request.duration is not None:
         sweep["duration"] = request.duration
     return sweep, folder, variants

@@ -39,7 +39,7 @@ def judge_successes(request: SuccessRequest, session: Session) -> SuccessReport:
         return judge_store(request, Store.open(stored))
     sweep, folder, variants = sweep_of_episodes(request, session)
     target = session.folder / EPISODES
-    asked = read_request(
+    sweep_request = read_request(
         sweep,
         EPISODES,
         target,
@@ -48,7 +48,7 @@ def judge_successes(request: SuccessRequest, session: Session) -> SuccessReport:
         drive=request.drive,
         allow_code=session.allow_code,
     )
-    contacts = DecisiveContacts(asked.scene.base({}), request.objects, request.depth_limit)
+    contacts = DecisiveContacts(sweep_request.scene.base({}), request.objects, request.depth_limit)
     numerics = [each.name for each in variants if each.kind == "numerics"]
     control = next((each.name for each in variants if each.kind == "control"), None)
     costly_rate = 4  # steps for each step as written
@@ -66,12 +66,12 @@ def judge_successes(request: SuccessRequest, session: Session) -> SuccessReport:
 
     # A finished store may have been stopped by another question.
     fresh = (target / MANIFEST).exists()
-    store = session.run(replace(asked, choose=choose_episodes, fresh=fresh))
+    store = session.run(replace(sweep_request, choose=choose_episodes, fresh=fresh))
     assert chosen is not None
     unrecorded = OUTCOMES_FILE.dump_json([*chosen.iterate_unrecorded()], indent=1)
     session.write({OUTCOMES: unrecorded.decode() + "\n"})
-    cases = asked.plan.count // (1 + len(variants))
-    return judge_store(request, store, planned=cases)
+    cases = sweep_request.plan.count // (1 + len(variants))
+    return judge_store(request, store, planned_cases=cases)
 
 
 def is_decided(request: SuccessRequest, table: EpisodeTable) -> bool:

@@ -39,7 +39,7 @@ _STATES_OF_A_FALL = 500  # as many as each of three seeds has in a run
 
 
 def repeat_measure(
-    run: PairedRun, measure: VerifiedMeasure, workers: int, known: dict[str, StateTable]
+    run: PairedRun, measure: VerifiedMeasure, workers: int, known_tables: dict[str, StateTable]
 ) -> VerifiedMeasure:
     """Return a measure as its mean over falls, with their spread as part of its tolerance.
 
@@ -47,11 +47,11 @@ def repeat_measure(
         run: the experiment. One fall of the changed model is worse there.
         measure: a depth, a gap or an excess over a limit; or the creep of a body.
         workers: threads that simulate.
-        known: tables of the original's falls by the name of the run; a missing one is added.
+        known_tables: tables of the original's falls by the name of the run; a missing one is added.
     """
-    if run.name not in known:
-        known[run.name] = _tabulate_falls(run.original, workers, run.original.model)
-    tables = known[run.name], _tabulate_falls(run.changed, workers, run.original.model)
+    if run.name not in known_tables:
+        known_tables[run.name] = _tabulate_falls(run.original, workers, run.original.model)
+    tables = known_tables[run.name], _tabulate_falls(run.changed, workers, run.original.model)
     good = ~(tables[0].failed | tables[1].failed)
     if not good.any():
         return measure

@@ -17,15 +17,17 @@ _LOST = 1.0  # m/s, which stands for an object that is lost: faster than any cre
 
 
 def compare_grips(
-    original: CheckedModel, changed: CheckedModel, known: dict[str | None, GripReport | None]
+    original: CheckedModel,
+    changed: CheckedModel,
+    known_reports: dict[str | None, GripReport | None],
 ) -> Iterator[VerifiedMeasure]:
     """Yield the measures of each grip that holds an object, or lets it creep, in the original.
 
     An object that the original drops has nothing to lose. If the changed model cannot be closed on
-    the object at all, it counts as dropped. `known` has the original's reports by keyframe;
+    the object at all, it counts as dropped. `known_reports` has the original's reports by keyframe;
     missing ones are added.
     """
-    for before in judge_original_grips(original, known):
+    for before in judge_original_grips(original, known_reports):
         request = GripRequest(
             changed.reference, keyframe=before.keyframe, fixes=False, placements=False
         )
@@ -33,27 +35,27 @@ def compare_grips(
 
 
 def judge_original_grips(
-    original: CheckedModel, known: dict[str | None, GripReport | None]
+    original: CheckedModel, known_reports: dict[str | None, GripReport | None]
 ) -> Iterator[GripReport]:
-    """Yield the original's grips that hold an object or let it creep; `known` as above."""
+    """Yield the original's grips that hold an object or let it creep; `known_reports` as above."""
     model, start = original.motions[0].model, original.task.start
     for request in grip_requests(original.reference, model, start):
         quiet = GripRequest(request.model, keyframe=request.keyframe, fixes=False, placements=False)
-        if request.keyframe not in known:
-            known[request.keyframe] = _judge_possible_grip(quiet)
-        report = known[request.keyframe]
+        if request.keyframe not in known_reports:
+            known_reports[request.keyframe] = _judge_possible_grip(quiet)
+        report = known_reports[request.keyframe]
         if report is not None and report.verdict != "drops":
             yield report
 
 
-def needs_masks(original: CheckedModel, known: dict[str | None, GripReport | None]) -> bool:
+def needs_masks(original: CheckedModel, known_reports: dict[str | None, GripReport | None]) -> bool:
     """Return whether geoms that touch nothing in a file touch objects of other files.
 
-    So do the pads of a gripper, and the feet of a walker without a floor. `known` as above.
+    So do the pads of a gripper, and the feet of a walker without a floor. `known_reports` as above.
     """
     if lacks_surroundings(original.motions[0].model):
         return True
-    return any(report.keyframe is None for report in judge_original_grips(original, known))
+    return any(report.keyframe is None for report in judge_original_grips(original, known_reports))
 
 
 def _judge_possible_grip(request: GripRequest) -> GripReport | None:
@@ -82,7 +84,7 @@ def _compare_reports(before: GripReport, after: GripReport | None) -> Iterator[V
             place=before.base,
             worse=other > creep + tolerance,
         )
-    force, held = before.pull.force, 0.0 if after is None else after.pull.force
+    force, pull_after = before.pull.force, 0.0 if after is None else after.pull.force
     least = (1 - _RELATIVE) * force
     if is_inside:
         least = min(least, before.weight)
@@ -91,12 +93,12 @@ def _compare_reports(before: GripReport, after: GripReport | None) -> Iterator[V
         run=run,
         unit="N",
         before=force,
-        after=held,
+        after=pull_after,
         spread=0.0,
         tolerance=force - least,
         place=before.pull.direction,
         more_is_better=True,
-        worse=held < least,
+        worse=pull_after < least,
     )
     if after is None:
         return

@@ -115,20 +115,20 @@ def build_load_runs(original: Motion, changed: Motion, share: float = 1.0) -> li
     They are: rest under constant controls, rest with gravity tilted two ways, and the passive
     model. `original` and `changed` are the first phase of the task; `share` shortens the runs.
     """
-    found = list[PairedRun]()
+    paired_runs = list[PairedRun]()
     length = share * REST_SECONDS
     rests = [hold_inputs(motion, length, lambda own: own) for motion in (original, changed)]
-    found.append(pair_motions("at rest", *rests, at_rest=True))
+    paired_runs.append(pair_motions("at rest", *rests, at_rest=True))
     # At 20 degrees friction carries tan(20 degrees) = .36 of the weight, which most pads hold.
     for name, sign in (
         (f"tilted by {TILT_DEGREES:g} degrees", 1.0),
         ("tilted the other way", -1.0),
     ):
         pair = (tilt_gravity(motion, sign) for motion in rests)
-        found.append(pair_motions(name, *pair, at_rest=True))
+        paired_runs.append(pair_motions(name, *pair, at_rest=True))
     passive = (hold_inputs(motion, length, without_actuation) for motion in (original, changed))
-    found.append(replace(pair_motions("passive", *passive), passive=True))
-    return found
+    paired_runs.append(replace(pair_motions("passive", *passive), passive=True))
+    return paired_runs
 
 
 def build_doubled_run(original: Motion, changed: Motion) -> PairedRun:
@@ -180,10 +180,10 @@ def build_unconstrained_runs(
         replace(motion, model=without_constraints(copy.copy(motion.model)))
         for motion in (original, changed)
     ]
-    held = (hold_inputs(motion, share * REST_SECONDS, lambda own: own) for motion in pair)
+    held_motions = (hold_inputs(motion, share * REST_SECONDS, lambda own: own) for motion in pair)
     steps = build_tracking_runs(pair[0], pair[1], actuators, share)[:1]
-    named = (replace(step, name=f"free motion, {step.name}") for step in steps)
-    runs = (pair_motions("free motion", *held), *named)
+    free_motions = (replace(step, name=f"free motion, {step.name}") for step in steps)
+    runs = (pair_motions("free motion", *held_motions), *free_motions)
     return [replace(run, unconstrained=True) for run in runs]
 
 
@@ -216,13 +216,13 @@ def build_tracking_runs(
     sizes = TRACKING_SHARE * (ranges[:, 1] - ranges[:, 0]) * room
 
     def excite_actuators(motion: Motion, wave: Callable[[Floats], Floats]) -> Motion:
-        held = hold_inputs(motion, length, lambda own: own)
-        times: Floats = np.float64(held.model.opt.timestep) * np.arange(held.steps)
-        inputs = np.repeat(held.inputs[:1], len(actuators), axis=0)
+        held_motion = hold_inputs(motion, length, lambda own: own)
+        times: Floats = np.float64(held_motion.model.opt.timestep) * np.arange(held_motion.steps)
+        inputs = np.repeat(held_motion.inputs[:1], len(actuators), axis=0)
         for row, actuator in enumerate(actuators):
             inputs[row, :, actuator] += sizes[actuator] * wave(times)
-        starts = np.repeat(held.starts[:1], len(actuators), axis=0)
-        return replace(held, starts=starts, inputs=inputs)
+        starts = np.repeat(held_motion.starts[:1], len(actuators), axis=0)
+        return replace(held_motion, starts=starts, inputs=inputs)
 
     def make_sine(times: Floats) -> Floats:
         return np.asarray(np.sin(2 * np.pi * times), np.float64)

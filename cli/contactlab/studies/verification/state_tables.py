@@ -101,11 +101,11 @@ def tabulate_states(
     """
     model, seeds, steps = motion.model, motion.seeds, motion.steps
     run = replay(motion, steps * float(model.opt.timestep), workers)
-    kept = run.velocity_states
-    finite = np.isfinite(kept[:, : steps + 1]).reshape(seeds, -1)
+    states = run.velocity_states
+    finite = np.isfinite(states[:, : steps + 1]).reshape(seeds, -1)
     failed: np.ndarray = np.logical_not(np.logical_and(run.valid.all(axis=1), finite.all(axis=1)))
     demands = model if demands is None else demands
-    sampler = _StateSampler(motion, kept, demands)
+    sampler = _StateSampler(motion, states, demands)
     positions = np.full((seeds, len(times), model.nbody, 3), np.nan)
     lengths = np.full((seeds, len(times), model.nu), np.nan)
     energies = np.full((seeds, len(times)), np.nan)
@@ -113,7 +113,7 @@ def tabulate_states(
     extremes = {name: Extreme(np.zeros(seeds), "") for name in EXTREME_UNITS}
     resting = np.zeros(seeds)
     if extremes_too:
-        _measure_joints(motion, demands, kept, extremes)
+        _measure_joints(motion, demands, states, extremes)
     stride = max(1, -(-seeds * steps // contact_states))
     for seed in range(seeds):
         if failed[seed]:
@@ -122,20 +122,20 @@ def tabulate_states(
         impacts[seed] = sampler.sample_states(seed, times, *sampled)
         if extremes_too:
             _measure_extremes(sampler, seed, range(0, steps + 1, stride), extremes, resting)
-    bits = kept[:, : steps + 1].tobytes()
+    bits = states[:, : steps + 1].tobytes()
     return StateTable(bits, failed, times, positions, lengths, energies, impacts, extremes, resting)
 
 
 class _StateSampler:
     """Evaluates single states of a motion that has run."""
 
-    def __init__(self, motion: Motion, kept: Floats, demands: mujoco.MjModel) -> None:
+    def __init__(self, motion: Motion, states: Floats, demands: mujoco.MjModel) -> None:
         self.model = motion.model
         same = demands.neq == self.model.neq
         self._demanded = np.flatnonzero(demands.eq_active0 if same else [])
         self._lacks_demanded = not self.model.eq_active0[self._demanded].all()
         self.data = mujoco.MjData(self.model)
-        self._motion, self._kept = motion, kept
+        self._motion, self._kept = motion, states
 
     def enter_state(self, seed: int, step: int) -> mujoco.MjData:
         """Return data at a state, with positions, contacts and gaps."""
@@ -238,15 +238,15 @@ def _measure_extremes(
 def _enter_extreme(
     extremes: dict[str, Extreme], name: str, seed: int, value: float, place: str
 ) -> None:
-    known = extremes[name]
-    if value > known.values[seed]:
-        if value > known.values.max():
-            extremes[name] = Extreme(known.values, place)
-        known.values[seed] = value
+    extreme = extremes[name]
+    if value > extreme.values[seed]:
+        if value > extreme.values.max():
+            extremes[name] = Extreme(extreme.values, place)
+        extreme.values[seed] = value
 
 
 def _measure_joints(
-    motion: Motion, demands: mujoco.MjModel, kept: Floats, extremes: dict[str, Extreme]
+    motion: Motion, demands: mujoco.MjModel, states: Floats, extremes: dict[str, Extreme]
 ) -> None:
     # The excess over limits needs only coordinates, so all states are evaluated at once.
     model = motion.model
@@ -255,7 +255,7 @@ def _measure_joints(
         if model.jnt_type[joint] not in (_HINGE, _SLIDE):
             continue
         kind = "hinge" if model.jnt_type[joint] == _HINGE else "slide"
-        values = kept[:, : motion.steps + 1, model.jnt_qposadr[joint]]
+        values = states[:, : motion.steps + 1, model.jnt_qposadr[joint]]
         low, high = limits.jnt_range[joint]
         beyond = np.maximum(low - values, values - high).max(axis=1)
         for seed in np.flatnonzero(beyond > 0):
