@@ -70,9 +70,9 @@ def _find_moving_meshes(model: mujoco.MjModel) -> Keep:
     solid[model.pair_geom1] = solid[model.pair_geom2] = True
     kinds = [int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_SDF)]
     solid &= np.isin(model.geom_type, kinds)
-    found = np.zeros(model.nmesh, bool)
-    found[model.geom_dataid[solid]] = True
-    return found
+    is_moving = np.zeros(model.nmesh, bool)
+    is_moving[model.geom_dataid[solid]] = True
+    return is_moving
 
 
 def _measures_shapes(model: mujoco.MjModel) -> bool:
@@ -83,28 +83,28 @@ def _measures_shapes(model: mujoco.MjModel) -> bool:
 
 def _list_kept_rows(model: mujoco.MjModel, *, keeps_rays: bool) -> Iterator[tuple[str, Keep]]:
     # Sizes of arrays that lose rows, and (size,) whether a row stays.
-    gone, known = ~_find_moving_meshes(model), dict[str, Keep]()
+    dropped_meshes, keeps = ~_find_moving_meshes(model), dict[str, Keep]()
     has_distances = bool((model.geom_type == mujoco.mjtGeom.mjGEOM_SDF).any())
     needs_faces = keeps_rays or has_distances or _measures_shapes(model)
     for size, (first, count) in _MESH_ROWS.items():
         if hasattr(model, size):
             is_hull = size in ("nmeshvert", "nmeshpoly")
-            lost = gone if is_hull or needs_faces else np.ones_like(gone)
+            lost = dropped_meshes if is_hull or needs_faces else np.ones_like(dropped_meshes)
             begins, counts = getattr(model, first)[lost], getattr(model, count)[lost]
-            known[size] = _keep_others(getattr(model, size), begins, counts)
+            keeps[size] = _keep_others(getattr(model, size), begins, counts)
     for size, (owner, first, count) in _NESTED_ROWS.items():
         if hasattr(model, size):
-            lost = ~known[owner]
+            lost = ~keeps[owner]
             begins, counts = getattr(model, first)[lost], getattr(model, count)[lost]
-            known[size] = _keep_others(getattr(model, size), begins, counts)
-    yield from known.items()
+            keeps[size] = _keep_others(getattr(model, size), begins, counts)
+    yield from keeps.items()
     # A hull has no number of rows: it ends where the next one begins.
     begins = np.asarray(model.mesh_graphadr)
     ends = np.append(np.sort(begins[begins >= 0]), model.nmeshgraph)
-    own = begins[gone & (begins >= 0)]
+    own = begins[dropped_meshes & (begins >= 0)]
     counts = ends[np.searchsorted(ends, own, "right")] - own
     yield "nmeshgraph", _keep_others(model.nmeshgraph, own, counts)
-    yield "nbvhstatic", known["nbvh"][: model.nbvhstatic]
+    yield "nbvhstatic", keeps["nbvh"][: model.nbvhstatic]
     # MuJoCo refuses a texture without any data.
     yield "ntexdata", np.arange(model.ntexdata) == 0
 
@@ -124,7 +124,7 @@ def _write_rows(model: mujoco.MjModel, keeps: Mapping[str, Keep]) -> bytes:
     saved = np.empty(mujoco.mj_sizeModel(model), np.uint8)
     mujoco.mj_saveModel(model, None, saved)
     whole, addresses = saved.data, _list_addresses(model, keeps)
-    made, sizes = list[bytes | memoryview](), dict[str, int]()
+    chunks, sizes = list[bytes | memoryview](), dict[str, int]()
     widths = {"int": 4, "mjtSize": 8}  # bytes of a size
     extents = dict[str, str]()
     for field in STRUCTS["mjModel"].fields:
@@ -143,8 +143,8 @@ def _write_rows(model: mujoco.MjModel, keeps: Mapping[str, Keep]) -> bytes:
         if name in addresses or extent in keeps:
             rows = np.asarray(addresses.get(name, array))
             own = (rows[keeps[extent]] if extent in keeps else rows).tobytes()
-        made.append(own)
-    padded = [_count_buffer(each) for each in (lengths.values(), map(len, made))]
+        chunks.append(own)
+    padded = [_count_buffer(each) for each in (lengths.values(), map(len, chunks))]
     if not 0 <= model.nbuffer - padded[0] < _LINE_BYTES:
         raise ValueError("arrays begin elsewhere")
     changed = {size: int(keep.sum()) for size, keep in keeps.items()}
@@ -160,7 +160,7 @@ def _write_rows(model: mujoco.MjModel, keeps: Mapping[str, Keep]) -> bytes:
     head = whole[:first].tobytes()
     if own not in head:
         raise ValueError("sizes lie elsewhere")
-    return b"".join([head.replace(own, other, 1), *made])
+    return b"".join([head.replace(own, other, 1), *chunks])
 
 
 def _list_addresses(model: mujoco.MjModel, keeps: Mapping[str, Keep]) -> dict[str, np.ndarray]:
@@ -171,21 +171,21 @@ def _list_addresses(model: mujoco.MjModel, keeps: Mapping[str, Keep]) -> dict[st
         fields[first], counts[count] = size, (size, first)
     for size, (_, first, count) in _NESTED_ROWS.items():
         fields[first], counts[count] = size, (size, first)
-    found = {"tex_adr": np.zeros_like(model.tex_adr)}
+    addresses = {"tex_adr": np.zeros_like(model.tex_adr)}
     for name in ("tex_height", "tex_width", "tex_nchannel"):  # all share the byte that is kept
-        found[name] = np.ones_like(getattr(model, name))
+        addresses[name] = np.ones_like(getattr(model, name))
     for name, size in fields.items():
         if size in keeps and hasattr(model, name):
             before = np.append(0, np.cumsum(keeps[size]))
             own = np.asarray(getattr(model, name))
             # Rows that are gone have no address.
             lost = ~np.append(keeps[size], True)[own]
-            found[name] = np.where((own < 0) | lost, -1, before[own]).astype(own.dtype)
+            addresses[name] = np.where((own < 0) | lost, -1, before[own]).astype(own.dtype)
     for name, (size, first) in counts.items():
         if size in keeps:
             own = np.asarray(getattr(model, name))
-            found[name] = np.where(found[first] < 0, 0, own).astype(own.dtype)
-    return found
+            addresses[name] = np.where(addresses[first] < 0, 0, own).astype(own.dtype)
+    return addresses
 
 
 def _count_bytes(array: np.ndarray | bytes) -> int:
