@@ -345,7 +345,7 @@ def _no_scene(_: str) -> Any:
         ("timestep: 2ms", "write [0.002]"),
         ("timestep: [5 mm]", "write a number in s"),
         ("drop_height: [5 ms]", "write a number in m"),
-        ("timestep: [2 parsec]", "write a number above 0"),
+        ("timestep: [2 parsec]", "write a number in s"),
         ("cone: [2ms]", "write one of pyramidal, elliptic"),
     ],
 )

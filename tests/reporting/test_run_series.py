@@ -70,3 +70,19 @@ def test_joints_of_included_files_are_named_by_their_coverage() -> None:
     assert named == [(0, "base x"), (1, "base y"), (2, "base z"), (7, "knee"), (8, "jaw")]
     with_a_ball = qpos_entries(including, 12, {**covered, "hip": Travel()})
     assert [entry.name for entry in with_a_ball] == [f"qpos[{index}]" for index in range(12)]
+
+
+@given(offset=st.floats(-10, 10), size=st.floats(1e-4, 1))
+def test_a_small_motion_far_from_zero_is_drawn_within_a_percent(offset: float, size: float) -> None:
+    count = 50
+    motion = offset + size * np.sin(np.arange(count + 1) / 8)[:, None]
+    trace: Any = SimpleNamespace(
+        time=STEP * np.arange(count + 1),
+        qpos=motion,
+        contacts=np.zeros(count, np.int32),
+        pairs=(),
+        model_xml=b"<mujoco/>",
+    )
+    _, columns = run_series(trace)
+    places = (columns["t0"] / STEP).astype(int)
+    assert np.abs(columns["v0"] - motion[places, 0]).max() <= 1e-2 * size

@@ -125,6 +125,14 @@ MODELS: dict[str, tuple[bytes, list[str]]] = {
         ["does not compile", "sphere"],
     ),
     "attribute": (b"<mujoco><worldbody><geom sise='1'/></worldbody></mujoco>", ["sise"]),
+    "attribute of another place": (
+        b"<mujoco><default><mesh file='a.stl'/></default></mujoco>",
+        ["<mesh> takes 'file' only in <asset>"],
+    ),
+    "half a range": (
+        b"<mujoco><worldbody><body><joint range='1'/><geom size='1'/></body></worldbody></mujoco>",
+        ["range of <joint> has too few numbers", "two"],
+    ),
     "value": (b"<mujoco><worldbody><geom size='-1'/></worldbody></mujoco>", ["does not compile"]),
     "no mass": (
         b"<mujoco><worldbody><body name='light'><freejoint/></body></worldbody></mujoco>",

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
+import mujoco
 import numpy as np
 
 from contactlab.closed_loop.borders import find_border
@@ -96,6 +97,8 @@ class LoopStudy:
         armature = float(loop.model.dof_armature[dofs].min(initial=math.inf)) if len(dofs) else 0.0
         inertia = float(np.median(loop.model.dof_M0[dofs])) if len(dofs) else 1.0
         most = 2 * loop.model.nv + 1.0  # seconds
+        kinds = loop.model.jnt_type[loop.model.dof_jntid[dofs]]
+        slides = len(dofs) and np.all(kinds == mujoco.mjtJoint.mjJNT_SLIDE)
         return (
             LoopAxis("rate", "Hz", True, loop.rate, (1.0, 1e5), lambda v: replace(loop, rate=v)),
             LoopAxis(
@@ -109,7 +112,7 @@ class LoopStudy:
             LoopAxis("gain", "1", False, loop.gain, (0.01, 100.0), lambda v: replace(loop, gain=v)),
             LoopAxis(
                 "armature",
-                "kg m^2",
+                "kg" if slides else "kg m^2",
                 True,
                 armature,
                 (1e-4 * inertia, 1e4 * inertia),

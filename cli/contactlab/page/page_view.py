@@ -324,9 +324,17 @@ def list_stable_tiles(data: ReportData) -> Iterator[StableTile]:
         return
     for depth in data.quantities_named("penetration_max"):
         row = int(np.nanargmax(depth.values))
+        # The axes that decide the depth most come first.
+        spread = {
+            axis.name: np.ptp(
+                [np.nanmax(depth.values[axis.codes == code]) for code in np.unique(axis.codes)]
+            )
+            for axis in data.axes
+        }
+        decisive = sorted(data.axes, key=lambda axis: -spread[axis.name])
         settings = ", ".join(
             f"{axis.name} {axis.ticks[axis.codes[row]]} {axis.amount_unit}".strip()
-            for axis in data.axes[:3]
+            for axis in decisive[:3]
         )
         run = data.store.columns.run_id(row)
         yield StableTile(

@@ -1,5 +1,6 @@
 """A run in a page: its trace in a few hundred points."""
 
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -42,12 +43,18 @@ def run_series(
     """
     columns: dict[str, NDArray[Any]] = {}
     signals: list[tuple[str, str, str]] = []
-    bits = 12  # of a mantissa: 1e-4 of a plot, a tenth of a pixel
+    bits = 12  # 1e-4 of a plot, a tenth of a pixel
     for index, (name, unit, panel, values, kept) in enumerate(
         _list_signals(trace, replace_geoms, joints)
     ):
         columns[f"t{index}"] = rounded_floats(trace.time[kept], bits)
-        columns[f"v{index}"] = rounded_floats(values[kept], bits)
+        shown = values[kept]
+        finite = shown[np.isfinite(shown)]
+        size = np.abs(finite).max(initial=0.0)
+        height = finite.max(initial=-np.inf) - finite.min(initial=np.inf)
+        # A mantissa counts from zero, a plot from its least value.
+        more = math.ceil(math.log2(size / height)) if 0 < height < size else 0
+        columns[f"v{index}"] = rounded_floats(shown, min(bits + more, 23))
         signals.append((name, unit, panel))
     # A run that ended before its first step has no contacts over time.
     pairs = trace.pairs if len(trace.contacts) else ()

@@ -1,6 +1,6 @@
 """Coverage of a run, in words."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from contactlab.schema.coverage import ActuatorUse, Coverage, PairUse, Travel
 
@@ -33,16 +33,16 @@ def coverage_rows(coverage: Coverage, pairs: Iterable[str]) -> list[tuple[str, s
     return [
         (
             kind,
-            _join_parts([name for name, text in done.items() if not text], ", "),
-            _join_parts([f"{name} {text}" for name, text in done.items() if text], "; "),
+            join_few([name for name, text in done.items() if not text], ", "),
+            join_few([f"{name} {text}" for name, text in done.items() if text], "; "),
         )
         for kind, done in kinds.items()
         if done
     ]
 
 
-def _join_parts(texts: list[str], separator: str) -> str:
-    most = 4
+def join_few(texts: Sequence[str], separator: str, most: int = 4) -> str:
+    """Return the first texts, and the count of the others."""
     rest = len(texts) - most
     more = [f"{rest} more"] if rest > 0 else []
     return separator.join([*texts[:most], *more])

@@ -84,9 +84,11 @@ def fix_summary(fix: Fix, report: Examination) -> str:
     if fix.removes == "labels":
         effect = "no failure label is left"
     elif verdicts := [
-        one.verdict for one in report.causes if one.repair == fix.name and one.verdict
+        one.remainder or f"'{one.verdict}'"
+        for one in report.causes
+        if one.repair == fix.name and one.verdict
     ]:
-        effect = f"the verdict is then '{verdicts[0]}'"
+        effect = f"the verdict is then {verdicts[0]}"
     elif fix.removes == "overlap":
         effect = "no bodies overlap at the start, and the verdict is not worse"
     changes = "changes the model" if fix.changes_model else ""

@@ -18,11 +18,12 @@ def loop_sentence(report: ControlLoopReport) -> str:
     """Return whether a loop holds, and its borders, in a sentence."""
     rate, borders = format_frequency(report.rate), {one.name: one for one in report.margins}
     known = {name: margin.border for name, margin in borders.items() if margin.border is not None}
+    unit = borders["armature"].unit if "armature" in borders else ""
     words = {
         "rate": "{} of at least " + format_frequency(known.get("rate", 0.0)),
         "delay": "{} of at most " + format_amount(known.get("delay"), "ms"),
         "gain": "{} of at most x" + format_digits(known.get("gain", 0.0), 2),
-        "armature": "{} of at least " + format_digits(known.get("armature", 0.0), 2),
+        "armature": "{} of at least " + format_amount(known.get("armature"), unit, digits=2),
     }
     nouns = {"rate": "a rate", "delay": "a delay", "gain": "gains", "armature": "an armature"}
     parts = [words[name].format(nouns[name]) for name in words if name in known]
@@ -34,7 +35,8 @@ def loop_sentence(report: ControlLoopReport) -> str:
     if len(safe) == 2:
         told += (
             f", and with {format_frequency(safe['rate'])} or an armature of "
-            f"{format_digits(safe['armature'], 2)} it would hold at twice the gains, too"
+            f"{format_amount(safe['armature'], unit, digits=2)} it would hold at twice the "
+            "gains, too"
         )
     inside = "; so do position servos of the model with the same gains (--apply loop-servos)"
     return (

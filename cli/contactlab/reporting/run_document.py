@@ -18,7 +18,7 @@ from contactlab.rendering.document import (
     document_of,
     table_of,
 )
-from contactlab.reporting.coverage_rows import coverage_rows
+from contactlab.reporting.coverage_rows import coverage_rows, join_few
 from contactlab.reporting.geom_names import load_geom_replacers
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
@@ -49,16 +49,12 @@ def describe_run(store: Store, record: EvidenceRecord) -> Document:
         for name, value in {**record.settings, **record.axes}.items()
     ]
     tables.append(table_of(("setting", "value", ""), settings))
-    pairs = [
-        (
-            named(name),
-            pair.condim,
-            *map(format_setting, (pair.friction, pair.solref, pair.solimp)),
-            pair.margin,
-        )
-        for name, pair in record.pairs.items()
-    ]
-    tables.append(table_of(("pair", "condim", "friction", "solref", "solimp", "margin"), pairs))
+    alike = dict[tuple[str, ...], list[str]]()
+    for name, pair in record.pairs.items():
+        values = (pair.condim, pair.friction, pair.solref, pair.solimp, pair.margin)
+        alike.setdefault(tuple(map(format_setting, values)), []).append(named(name))
+    pairs = [(join_few(names, ", "), *values) for values, names in alike.items()]
+    tables.append(table_of(("pairs", "condim", "friction", "solref", "solimp", "margin"), pairs))
 
     blocks: list[Block] = [Headline(f"run {record.run_id}: {record.label}"), *reasons]
     if steps := record.metrics.get("ungraded_contacts"):
@@ -96,7 +92,7 @@ def _run_facts(store: Store, record: EvidenceRecord) -> Iterator[tuple[str, str]
             used = format_percent(record.cost.latency_used)
             yield "latency", f"{used} of the budget, on average"
     if record.edited_geoms:
-        yield "edited", ", ".join(record.edited_geoms)
+        yield "edited", join_few(record.edited_geoms, ", ")
     yield "trajectory", str(record.trajectory_hash)
     if record.trace is not None:
         yield "trace", str(store.address / record.trace.file)

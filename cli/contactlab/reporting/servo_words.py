@@ -36,7 +36,7 @@ def servo_tables(servos: Sequence[Servo]) -> Iterator[Block]:
             ("servo", "step", *(Column(name, "right") for name in limits)),
             [_list_limits(servo) for servo in limited],
         )
-        yield Sentence("In SI units, each alone; other gains as written.")
+        yield Sentence("Each alone; other gains as written.")
     if len(limited) < len(servos) and all(servo.holds for servo in servos):
         rest = "the others" if limited else "all servos"
         yield Sentence(f"The step holds {rest} with 100 times their gains.")
@@ -59,10 +59,15 @@ def _list_cells(servo: Servo) -> Sequence[str]:
 
 
 def _list_limits(servo: Servo) -> Sequence[str]:
+    angle = servo.unit == "rad"
+    units = ("Nm/rad", "Nms/rad", "kg m^2") if angle else ("N/m", "Ns/m", "kg")
     limits = (servo.largest_stiffness, servo.largest_damping, servo.least_armature)
     return (
         servo.name,
         "holds" if servo.holds else "fails",
         "-" if servo.largest_gain is None else f"x{format_digits(servo.largest_gain, 2)}",
-        *("-" if limit is None else format_digits(limit, 2) for limit in limits),
+        *(
+            "-" if limit is None else f"{format_digits(limit, 2)} {unit}"
+            for limit, unit in zip(limits, units, strict=True)
+        ),
     )

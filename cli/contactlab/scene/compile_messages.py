@@ -16,7 +16,7 @@ _MESSAGE_PREFIX = re.compile(r"^(?:XML )?(?:Error: )*(?:Schema violation: )?")
 _ELEMENT_TAG = re.compile(r"Element '([^']*)'")
 _ELEMENT_NAME = re.compile(r"Element name '([^']*)'")
 # A line of the schema with an element and its first attributes.
-_SCHEMA_ELEMENT = re.compile(r"^( *)(\w+) \(.\)\s+(.*)$")
+_SCHEMA_ELEMENT = re.compile(r"^( *)(?:\(world\))?(\w+) \(.\)\s+(.*)$")
 _ATTRIBUTE_WITH_VALUE = r"""(\w+)\s*=\s*["'](?:[^"']*\s)?{}(?:\s[^"']*)?["']"""
 _URDF_JOINTS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 _SYMBOL_VALUES = {"mjMINVAL": f"{mujoco.mjMINVAL:g}", "mjMAXVAL": "1e10"}
@@ -46,16 +46,18 @@ def explain_compile_error(lines: Sequence[str], model: Path) -> Iterator[str]:
 
 
 @cache
-def _mjcf_schema() -> Mapping[str, set[str]]:
-    attributes: dict[str, set[str]] = {}
-    name = ""
+def _mjcf_schema() -> Mapping[str, Mapping[str, set[str]]]:
+    # The attributes of an element, by the element around it.
+    schema: dict[str, dict[str, set[str]]] = {}
+    path: list[tuple[int, str]] = []
     for line in mujoco.mj_printSchema(False, False).splitlines():
+        words = line
         if part := _SCHEMA_ELEMENT.match(line):
-            name, words = part[2], part[3]
-        else:
-            words = line
-        attributes.setdefault(name, set()).update(words.split())
-    return attributes
+            depth, name, words = len(part[1]), part[2], part[3]
+            path = [*((at, outer) for at, outer in path if at < depth), (depth, name)]
+        *_, outer, inner = ("", *(name for _, name in path))
+        schema.setdefault(inner, {}).setdefault(outer, set()).update(words.split())
+    return schema
 
 
 @cache
@@ -73,7 +75,11 @@ def _unknown_element_text(_: re.Match[str], element: str, model: Path) -> str:
 
 def _unknown_attribute_text(match: re.Match[str], element: str, model: Path) -> str:
     del model
-    attributes = _mjcf_schema().get(element, set())
+    places = _mjcf_schema().get(element, {})
+    if others := [outer for outer, names in places.items() if match[1] in names]:
+        # The line's own place is another one.
+        return f"<{element}> takes '{match[1]}' only in <{'> or <'.join(others)}>, not here"
+    attributes = {name for names in places.values() for name in names}
     hint = suggestion(match[1], attributes) or f"it takes {', '.join(sorted(attributes)) or 'none'}"
     return f"<{element}> has no attribute '{match[1]}'; {hint}"
 
@@ -91,6 +97,12 @@ def _unknown_keyword_text(match: re.Match[str], element: str, model: Path) -> st
 def _bad_number_text(match: re.Match[str], element: str, model: Path) -> str:
     del model
     return f"{match[1]} of <{element}> is not a list of numbers; separate numbers by spaces"
+
+
+def _short_list_text(match: re.Match[str], element: str, model: Path) -> str:
+    del model
+    needed = f"; {match[1]} needs two, least and greatest" if "range" in match[1] else ""
+    return f"{match[1]} of <{element}> has too few numbers{needed}"
 
 
 def _bad_size_text(match: re.Match[str], element: str, model: Path) -> str:
@@ -161,6 +173,7 @@ _ERROR_EXPLANATIONS: Mapping[str, Callable[[re.Match[str], str, Path], str]] = {
     r"invalid keyword: '([^']*)'": _unknown_keyword_text,
     r"bad format in attribute '([^']*)'": _bad_number_text,
     r"problem reading attribute '([^']*)'": _bad_number_text,
+    r"attribute '([^']*)' does not have enough data": _short_list_text,
     r"size (\d) must be positive in (\w+)": _bad_size_text,
     r"Unrecognized XML model type: '([^']*)'": _wrong_root_text,
     r"repeated name '([^']*)' in (\w+)": _duplicate_name_text,

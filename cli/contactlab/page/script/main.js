@@ -74,7 +74,7 @@ function showControls(page) {
   const others = metadata.axes.filter((axis) => !metadata.aggregated && ![state.x, state.y, state.facet].includes(axis.name));
   const focused = document.activeElement?.closest?.("#map [data-key]")?.dataset.key;
   const made = {
-    what: choice("colour", [["label", "labels"], ...metadata.quantities.map(([name, unit]) => [name, withUnit(name, unit)])], state.what, change("what")),
+    what: choice("color", [["label", "labels"], ...metadata.quantities.map(([name, unit]) => [name, withUnit(name, unit)])], state.what, change("what")),
     stat: state.what === "label" ? null : choice("statistic", [["worst", "worst"], ["median", "median"], ["mean", "mean"]], state.stat, change("stat")),
     x: choice("horizontal axis", names([]), state.x, change("x")),
     y: metadata.axes.length > 1 ? choice("vertical axis", [...none, ...names([state.x])], state.y, change("y")) : null,

@@ -157,7 +157,7 @@ function runPanel(columns, row, open) {
   ];
   const numbers = [
     element("h3", {}, "Its numbers"),
-    details?.coverage.length ? element("details", {}, element("summary", {}, "What it exercised"),
+    details?.coverage.length ? element("details", {}, element("summary", {}, "Exercised parts"),
       element("div", { class: "scroll" }, table(["exercised", "not at all", "share of range or time"], details.coverage))) : null,
     element("details", { open: metricsOpen }, element("summary", {}, `All ${all.length} metrics`), element("div", { id: "metrics" }, pairsOf(all))),
     details ? element("details", {}, element("summary", {}, "All settings"),

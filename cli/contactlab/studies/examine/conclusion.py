@@ -55,7 +55,9 @@ def conclude(
         for place, one in enumerate(sentences)
         if not any(later.startswith(one) for later in sentences[place + 1 :])
     ]
-    why = [one for one in why if not headline.endswith(f": {one}")] or why
+    said = [one for one in why if not headline.endswith(f": {one}")]
+    # Causes that the headline and the fix say are not repeated.
+    why = said or ([] if report.causes and report.fixes else why)
     return report.model_copy(
         update={
             "headline": headline,
@@ -127,9 +129,10 @@ def _yield_causes(report: Examination, verdict: VerdictWord) -> Iterator[str]:
     yield from (fact.sentence for fact in report.facts if fact.kind == "limp")
     if verdict in PASSING_VERDICTS and _touches_nothing(report):
         yield "no contact was made in the task, so nothing about contact is judged"
+    fix = fix_summary(first_fix(report.fixes), report) if report.fixes else ""
     for cause in report.causes:
         yield cause.sentence
-        if cause.remainder:
+        if cause.remainder and cause.remainder not in fix:
             yield f"with {cause.repair}: {cause.remainder}"
     if report.causes and report.causes[-1].remainder:
         return  # the rest follows from the causes

@@ -95,8 +95,8 @@ def list_loop_repairs(
         ("dof_armature", "armature", loop.with_armature),
         ("dof_damping", "damping", loop.with_damping),
     ):
-        known = {margin.name: margin.doubled for margin in report.margins}
-        border = known.get("armature")
+        known = {margin.name: margin for margin in report.margins}
+        border = known["armature"].doubled
         if word == "damping":
             border = replace(study, loop=replace(loop, gain=_MARGIN)).find_damping()
         if not border:
@@ -109,7 +109,10 @@ def list_loop_repairs(
         names = [object_name(loop.model, field, dof) for dof in dofs]
         edits = ModelEdits({f"{field}[{name}]": value for name in names})
         more = f" and {len(names) - 1} more joints" if len(names) > 1 else ""
-        yield LoopRepair(f"{word} {value:g} of {names[0]}{more}", f"loop-{word}", edits)
+        unit = known["armature"].unit
+        if word == "damping":
+            unit = "Ns/m" if unit == "kg" else "Nms/rad"
+        yield LoopRepair(f"{word} {value:g} {unit} of {names[0]}{more}", f"loop-{word}", edits)
     rate = {margin.name: margin.doubled for margin in report.margins}.get("rate")
     if rate and isinstance(drive, PolicyDrive):
         faster = replace(loop, rate=_round_up(rate), gain=_MARGIN)
