@@ -106,7 +106,8 @@ def no_recommendation_text(report: TuneReport, *, has_options: bool) -> str:
         return f"{error}, and no {tested} that is numerically accurate is within it."
     if has_options:
         return f"No accurate {tested} is faster with an error of at most {current}, as written."
-    return f"No change recommended. {error}, and no {tested} within the tolerance is faster."
+    end = "is faster without making something worse"
+    return f"No change recommended. {error}, and no {tested} {end}."
 
 
 def _unverified_candidate(report: TuneReport) -> Candidate | None:
