@@ -94,14 +94,14 @@ def __getattr__(name: str) -> "Any":  # noqa: ANN401 - each function has a type 
         # A command that another package adds.
         from contactlab.plugins import extensions
 
-        found = None if name.startswith("_") else extensions("command").get(name)
-        if found is None:
+        extension = None if name.startswith("_") else extensions("command").get(name)
+        if extension is None:
             from contactlab.command_line.front_door import replacement_of
 
             new = replacement_of(name)
             hint = f"; `contactlab {name}` is now `contactlab {new}`" if new else ""
             raise AttributeError(f"module 'contactlab' has no attribute '{name}'{hint}")
-        return found.load()
+        return extension.load()
     if name == "open":
         from contactlab.store.finished_store import Store
 

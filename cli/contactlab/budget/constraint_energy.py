@@ -72,7 +72,7 @@ class ConstraintEnergy:
         first = mujoco.mj_stateSize(model, (_WARM_START - 1) & INTEGRATION)
         keys[:, first : first + mujoco.mj_stateSize(model, _WARM_START)] = 0
         numbers, places = dict[bytes, int](), np.full(len(rows), -1)
-        powers, counts, found = list[float](), list[int](), list[_Violated]()
+        powers, counts, violations = list[float](), list[int](), list[_Violated]()
         with np.errstate(invalid="ignore", over="ignore"):
             for place in np.flatnonzero(np.isfinite(rows).all(axis=1)):
                 number = places[place] = numbers.setdefault(keys[place].tobytes(), len(numbers))
@@ -82,12 +82,12 @@ class ConstraintEnergy:
                 powers.append(power)
                 counts.append(0 if violated is None else len(violated.violations))
                 if violated is not None:
-                    found.append(violated)
+                    violations.append(violated)
             energies = np.outer(np.array(lags) * self._lags, [*powers, np.nan])
-            if found:
+            if violations:
                 of = np.repeat(np.arange(len(powers)), counts)
-                given = self._given_back(found, lags)
-                energies += [np.bincount(of, work, len(powers) + 1) for work in given]
+                returned_work = self._given_back(violations, lags)
+                energies += [np.bincount(of, work, len(powers) + 1) for work in returned_work]
         # States that are not finite take the last energy, which is NaN.
         return energies[:, places].reshape(-1, *states.shape[:-1])
 
@@ -137,10 +137,12 @@ class ConstraintEnergy:
             depths[here] = np.sqrt(squares[numbers[here]])
         return depths, solimp
 
-    def _given_back(self, found: list[_Violated], lags: Sequence[float]) -> Iterator[Floats]:
+    def _given_back(
+        self, violated_rows: list[_Violated], lags: Sequence[float]
+    ) -> Iterator[Floats]:
         """Yield (K,) work of the forces along violations that shrink in proportion [J]."""
         violations, springs, loads, powers, shapes, depths, solimp = map(
-            np.concatenate, zip(*found, strict=True)
+            np.concatenate, zip(*violated_rows, strict=True)
         )
         stiffness, damping = shapes.T
         zetas = damping / (2 * np.sqrt(np.maximum(stiffness, np.finfo(float).tiny)))

@@ -101,8 +101,8 @@ def evaluations(
     """
     finer, smooth = settings.finer, settings.energy and model.opt.integrator != _RK4
     looks = _RK4_RATE * (3 if drifts else 1)
-    counted = finer * (1 + 2 * settings.check) + 4 * looks * smooth
-    return counted + sum(_count_evaluations(row, finer) for row in (RUN, *rows))
+    run_count = finer * (1 + 2 * settings.check) + 4 * looks * smooth
+    return run_count + sum(_count_evaluations(row, finer) for row in (RUN, *rows))
 
 
 def _count_evaluations(row: Row, finer: int) -> int:
@@ -121,23 +121,23 @@ class PhaseMeasure:
     def __init__(
         self,
         motion: Motion,
-        wanted: Sequence[Row],
+        rows_to_measure: Sequence[Row],
         settings: Settings,
-        known: Floats | None = None,
+        known_states: Floats | None = None,
         begun: "Looked | None" = None,
     ) -> None:
-        """Repeat the run unless its states are `known`.
+        """Repeat the run unless `known_states` has its states.
 
         `begun` has the measurement of its first seeds, which is not repeated.
         """
         self._begun = begun
         self._motion, self._settings, self._model = motion, settings, motion.model
-        self._used = [row for row in wanted if row.applies(motion.model)]
+        self._used = [row for row in rows_to_measure if row.applies(motion.model)]
         self._undelayed = without_delays(motion)
         self._bodies = judged_bodies(motion.model)
         self._names = tuple(body_name(motion.model, int(body)) for body in self._bodies)
         self._observed = self._places_of(motion.observed)
-        self.run: Run = replay(motion, settings.window, settings.workers, known)
+        self.run: Run = replay(motion, settings.window, settings.workers, known_states)
         self._observer = Observer(motion.model, motion.starts[0], self._bodies, settings.workers)
         self._bases, self._stores = dict[str, mujoco.MjModel](), dict[str, ConstraintEnergy]()
         self._impulses = dict[tuple[str, int, int], Impulses]()
@@ -157,13 +157,13 @@ class PhaseMeasure:
         # (C,), among the bodies that move and have mass.
         if not self._bodies.size:
             raise EngineError("nothing of the model moves that has mass, so there is no motion")
-        found = np.flatnonzero([not observed or name in observed for name in self._names])
-        if not found.size:
+        body_places = np.flatnonzero([not observed or name in observed for name in self._names])
+        if not body_places.size:
             raise EngineError(
                 f"no observed body moves and has mass ({', '.join(observed)}); those that do: "
                 f"{', '.join(self._names)}"
             )
-        return found
+        return body_places
 
     def first_look(self) -> PhaseBudget:
         """Return the budget at h/4, without checks, excess path or RK4."""
@@ -174,29 +174,31 @@ class PhaseMeasure:
 
         Errors and windows are of the observed bodies; scales and energies are of all bodies.
         """
-        found = self.looked.found
+        window_values = self.looked.found
         for look in self.looked.looks:
-            self._measure_more(look, found)
-        return self._build_phase(found, excess=self._settings.excess)
+            self._measure_more(look, window_values)
+        return self._build_phase(window_values, excess=self._settings.excess)
 
     @cached_property
     def _exercised_rows(self) -> list[Row]:
         """The run, and the rows that the task exercises."""
-        shown = exercised_rows(self._motion, self._used)
-        return [RUN, *(row for row in self._used if row.name in shown)]
+        loaded_names = exercised_rows(self._motion, self._used)
+        return [RUN, *(row for row in self._used if row.name in loaded_names)]
 
-    def _build_phase(self, found: "_Found", *, excess: bool) -> PhaseBudget:
+    def _build_phase(self, window_values: "_Found", *, excess: bool) -> PhaseBudget:
         model, run, there = self._model, self.run, self._exercised_rows
-        real, limits = self._sum_real(found), self._extrapolate_limits(found)
-        energy, energy_rk4 = self._measure_drifts(found)
-        of_steps = {row.name: found.apart[row.name] * limits for row in there if row.is_of_steps}
-        found = found._replace(apart=found.apart | of_steps)
+        real, limits = self._sum_real(window_values), self._extrapolate_limits(window_values)
+        energy, energy_rk4 = self._measure_drifts(window_values)
+        of_steps = {
+            row.name: window_values.apart[row.name] * limits for row in there if row.is_of_steps
+        }
+        window_values = window_values._replace(apart=window_values.apart | of_steps)
         whole, *rows = (
-            self._build_reading(row, found, real, exercised=row in there)
+            self._build_reading(row, window_values, real, exercised=row in there)
             for row in (RUN, *self._used)
         )
         warnings = tuple(self._with_cause(warning) for warning in run.warnings)
-        told = PhaseBudget(
+        phase = PhaseBudget(
             name=self._motion.name,
             timestep=float(model.opt.timestep),
             steps=self._motion.steps,
@@ -208,20 +210,20 @@ class PhaseMeasure:
             rows=tuple(rows),
             energy=energy,
             energy_rk4=energy_rk4,
-            energy_origin=self._energy_origin(found),
-            excess_path=self._measure_excess(found, real)
+            energy_origin=self._energy_origin(window_values),
+            excess_path=self._measure_excess(window_values, real)
             if excess
             else np.full(len(self._observed), np.nan),
-            worst_window=self._measure_peak(found) if excess else float("nan"),
-            upper_bound=self._bound_error(found, real),
+            worst_window=self._measure_peak(window_values) if excess else float("nan"),
+            upper_bound=self._bound_error(window_values, real),
             limit_factor=float(limits[self._observed[whole.body]]),
-            invalid_windows=float(found.lost[run.valid].mean()) if run.valid.any() else 0.0,
+            invalid_windows=float(window_values.lost[run.valid].mean()) if run.valid.any() else 0.0,
             warnings=warnings,
         )
         self._bases.clear()
         self._stores.clear()  # nothing that waits holds models
         self._impulses.clear()
-        return told
+        return phase
 
     def _find_worst_body(self, values: Floats) -> int:
         """Return the number of the observed body with the largest of (B,) values."""
@@ -274,14 +276,14 @@ class PhaseMeasure:
         """First pass over all windows with references at h/4, and data for the second pass."""
         run, settings, rows = self.run, self._settings, self._exercised_rows
         shape, looks, seeds = (self._motion.seeds, len(run.begins)), list[_Look](), 0
-        found = _Found.empty(shape, len(self._bodies), [row.name for row in rows])
-        if self._begun is not None and {*self._begun.found.apart} == {*found.apart}:
+        window_values = _Found.empty(shape, len(self._bodies), [row.name for row in rows])
+        if self._begun is not None and {*self._begun.found.apart} == {*window_values.apart}:
             looks, seeds = [*self._begun.looks], len(self._begun.found.lost)
-            found.begin_with(self._begun.found)
+            window_values.begin_with(self._begun.found)
         valid = run.valid & (np.arange(shape[0]) >= seeds)[:, None]
         for block in blocks(self._model, np.argwhere(valid), (run.steps + 1) * settings.finer):
             windows = Windows(self._undelayed, run, settings.workers, block)
-            around, lost = self._measure_run(windows, block, found)
+            around, lost = self._measure_run(windows, block, window_values)
             looks.append(_Look(block, around["run"], around["reference"]))
             rolls = _SharedRolls(partial(self._measure_around, windows))
             if any(row.against == "step" for row in rows):
@@ -295,11 +297,11 @@ class PhaseMeasure:
                 apart = [defects(rolls(model, rate), other) for model in self._vary_model(row)]
                 largest = np.max(apart, axis=0)
                 largest[lost] = 0
-                found.apart[row.name][tuple(block.T)] = largest
-        return Looked(found, looks)
+                window_values.apart[row.name][tuple(block.T)] = largest
+        return Looked(window_values, looks)
 
     def _measure_run(
-        self, windows: Windows, block: np.ndarray, found: "_Found"
+        self, windows: Windows, block: np.ndarray, window_values: "_Found"
     ) -> tuple[dict[str, Floats], np.ndarray]:
         """Enter the run's defects.
 
@@ -314,33 +316,33 @@ class PhaseMeasure:
         path, powers = self._observer(fine[:, : steps * finer + 1 : finer])
         end, end_energies = self._observer(fine[:, (steps - 1) * finer :])
         last = own[:, -3:]
-        found.lost[place] = lost
-        found.apart[RUN.name][place] = np.where(lost[:, None], 0, defects(last, end))
-        found.path[place] = np.where(lost[:, None], 0, paths(path))
-        found.gained[place] = np.where(
+        window_values.lost[place] = lost
+        window_values.apart[RUN.name][place] = np.where(lost[:, None], 0, defects(last, end))
+        window_values.path[place] = np.where(lost[:, None], 0, paths(path))
+        window_values.gained[place] = np.where(
             lost[:, None], 0, self._measure_gained(last[:, 1], end[:, finer])
         )
         ends = np.concatenate([windows.own[:, -2:-1], fine[:, -2 * finer - 1 :: finer]], axis=1)
-        stored, held = self._measure_stored(windows, ["step", "reference"], ends)
-        found.total[place] = energies[:, -2].sum(axis=-1) + stored[:, 1] - stored[:, 0]
+        stored, stored_around = self._measure_stored(windows, ["step", "reference"], ends)
+        window_values.total[place] = energies[:, -2].sum(axis=-1) + stored[:, 1] - stored[:, 0]
         around, path_energy = end_energies[:, ::finer].sum(axis=-1), powers.sum(axis=-1)
-        around += held[:, 2:] - held[:, :1]
-        found.energy[place] = energy_defects(found.total[place], around)
+        around += stored_around[:, 2:] - stored_around[:, :1]
+        window_values.energy[place] = energy_defects(window_values.total[place], around)
         start, most = path_energy[:, 0] + stored[:, 0], path_energy.max(axis=1)
-        found.held[place] = np.stack((start, most), axis=-1)
-        found.lowest[place] = powers[..., 0].min(axis=1)
-        found.added[place] = np.maximum(around[:, 1] - path_energy[:, 0], 0)
-        found.begin[place] = np.linalg.norm(own[:, 0], axis=-1)
+        window_values.held[place] = np.stack((start, most), axis=-1)
+        window_values.lowest[place] = powers[..., 0].min(axis=1)
+        window_values.added[place] = np.maximum(around[:, 1] - path_energy[:, 0], 0)
+        window_values.begin[place] = np.linalg.norm(own[:, 0], axis=-1)
         return {"run": last, "reference": end}, lost
 
-    def _measure_stored(self, windows: Windows, names: Sequence[str], kept: Floats) -> Floats:
+    def _measure_stored(self, windows: Windows, names: Sequence[str], kept_parts: Floats) -> Floats:
         """Return (N, M, 1 + K) what is stored at the beginning, and in states (M, K, kept) [J].
 
         N named bases differ in the length of their steps alone. Constraints store nothing where
         refsafe gives the run's other springs than the reference has: these would lift what the
         run's let sink, window by window.
         """
-        states = windows.states(np.concatenate([windows.own[:, :1], kept], axis=1))
+        states = windows.states(np.concatenate([windows.own[:, :1], kept_parts], axis=1))
         # Forces of some models depend on the step.
         if self._model.opt.integrator == _DISCRETE or has_step_factors(self._model):
             return np.stack([self._find_energy_store(name)(states) for name in names])
@@ -354,12 +356,12 @@ class PhaseMeasure:
             square = (own**2).sum(axis=-1) - (reference**2).sum(axis=-1)
         return np.nan_to_num(self._model.body_mass[self._bodies] * square / 2)
 
-    def _energy_origin(self, found: "_Found") -> Origin:
+    def _energy_origin(self, window_values: "_Found") -> Origin:
         """Return whose kinetic energy the run changes most, in one direction, and in which window.
 
         What goes from the reference in one window and comes back in another is no gain of a body.
         """
-        gained = np.where(self.run.valid[..., None], found.gained, 0)
+        gained = np.where(self.run.valid[..., None], window_values.gained, 0)
         total = gained.sum(axis=(0, 1))
         body = int(np.argmax(np.abs(total)))
         along = gained[..., body] * np.sign(total[body])
@@ -381,21 +383,21 @@ class PhaseMeasure:
 
     def _energy_by_rk4(self, windows: Windows, total: Floats, rate: int) -> Floats:
         """Return (M, 2) energy defects against RK4 [J]; NaN where it gave up."""
-        kept, gave_up = windows.roll(self._make_smooth_model(rate), rate)
-        around = self._observer(kept[:, ::rate])[1].sum(axis=-1)
-        (held,) = self._measure_stored(windows, ["RK4"], kept[:, ::rate])
-        apart = energy_defects(total, around + held[:, 1:] - held[:, :1])
+        states, gave_up = windows.roll(self._make_smooth_model(rate), rate)
+        around = self._observer(states[:, ::rate])[1].sum(axis=-1)
+        (stored_energy,) = self._measure_stored(windows, ["RK4"], states[:, ::rate])
+        apart = energy_defects(total, around + stored_energy[:, 1:] - stored_energy[:, :1])
         return np.where(gave_up[:, None], np.nan, apart)
 
-    def _measure_drifts(self, found: "_Found") -> tuple[Floats, Floats]:
+    def _measure_drifts(self, window_values: "_Found") -> tuple[Floats, Floats]:
         """Return (S,) drifts of energy, against the run's own integrator and against RK4.
 
         RK4 treats dampers explicitly, and may be the one that is wrong. So where it would tell of
         more, it is asked with half its step again: NaN where it then says otherwise.
         """
         own, rk4 = (
-            self._measure_drift(found, found.energy),
-            self._measure_drift(found, found.energy_rk4),
+            self._measure_drift(window_values, window_values.energy),
+            self._measure_drift(window_values, window_values.energy_rk4),
         )
         # Above a tenth of the tolerance, finer steps of RK4 show whether a drift is that of RK4.
         least_drift = 0.01
@@ -405,8 +407,10 @@ class PhaseMeasure:
         for block in blocks(self._model, np.argwhere(run.valid), (run.steps + 1) * rate):
             windows = Windows(self._undelayed, run, self._settings.workers, block)
             place = tuple(block.T)
-            found.energy_rk4[place] = self._energy_by_rk4(windows, found.total[place], rate)
-        finer = self._measure_drift(found, found.energy_rk4)
+            window_values.energy_rk4[place] = self._energy_by_rk4(
+                windows, window_values.total[place], rate
+            )
+        finer = self._measure_drift(window_values, window_values.energy_rk4)
         with np.errstate(invalid="ignore"):
             # A drift changes at most by half when the reference is refined.
             resolved = np.abs(finer - rk4) <= 0.5 * np.maximum(np.abs(finer), np.abs(rk4))
@@ -414,40 +418,42 @@ class PhaseMeasure:
 
     def _measure_around(self, windows: Windows, model: mujoco.MjModel, rate: int) -> Floats:
         """Return (M, 2 rate + 1, B, 6) velocities of a model around the end; NaN if it gave up."""
-        kept, failed = windows.roll(model, rate)
-        seen = self._observer(kept)[0]
-        seen[failed] = np.nan
-        return seen
+        states, failed = windows.roll(model, rate)
+        velocities = self._observer(states)[0]
+        velocities[failed] = np.nan
+        return velocities
 
-    def _measure_more(self, look: "_Look", found: "_Found") -> None:
+    def _measure_more(self, look: "_Look", window_values: "_Found") -> None:
         """Enter the requested numbers beyond the first pass."""
         settings, place = self._settings, tuple(look.block.T)
         windows = Windows(self._undelayed, self.run, settings.workers, look.block)
         if settings.check:
             rate = 2 * settings.finer
             finest = self._measure_around(windows, build_reference_model(self._model, rate), rate)
-            found.checked[place] = defects(look.reference, finest)
-            found.finer[place] = defects(look.run, finest)
+            window_values.checked[place] = defects(look.reference, finest)
+            window_values.finer[place] = defects(look.run, finest)
         if settings.excess:
-            own, lost = self._observer(windows.own[:, :-1])[0], found.lost[place][:, None]
-            found.excess[place] = np.where(lost, 0, paths(own) - found.path[place])
-            found.speed[place] = np.linalg.norm(own, axis=-1).max(axis=1)
+            own, lost = self._observer(windows.own[:, :-1])[0], window_values.lost[place][:, None]
+            window_values.excess[place] = np.where(lost, 0, paths(own) - window_values.path[place])
+            window_values.speed[place] = np.linalg.norm(own, axis=-1).max(axis=1)
         if settings.energy and self._model.opt.integrator != _RK4:
-            found.energy_rk4[place] = self._energy_by_rk4(windows, found.total[place], _RK4_RATE)
+            window_values.energy_rk4[place] = self._energy_by_rk4(
+                windows, window_values.total[place], _RK4_RATE
+            )
 
-    def _sum_real(self, found: "_Found") -> Floats:
+    def _sum_real(self, window_values: "_Found") -> Floats:
         """Return (S, B) real impulses over mass, the scale of errors [m/s]."""
         run, sums = self.run, np.cumsum(self._pulls, axis=1)
         sums = np.concatenate([0 * sums[:, :1], sums], axis=1)
         fallen = (sums[:, run.begins + run.steps] - sums[:, run.begins]) * run.valid[..., None]
         weight = GRAVITY_AS_REAL * self._model.opt.timestep * fallen.sum(axis=1)
-        real = found.begin[:, 0] + found.path.sum(axis=1) + weight
+        real = window_values.begin[:, 0] + window_values.path.sum(axis=1) + weight
         duration = run.steps * self._model.opt.timestep * run.valid.sum(axis=1)
         real = np.maximum(real, GRAVITY_AS_REAL * self._usual * duration[:, None])
         return scale_of_impulses(real)
 
     def _build_reading(
-        self, row: Row, found: "_Found", real: Floats, *, exercised: bool
+        self, row: Row, window_values: "_Found", real: Floats, *, exercised: bool
     ) -> Reading:
         about = row.name, row.summary, row.kind
         if not exercised:
@@ -456,7 +462,7 @@ class PhaseMeasure:
         if not self.run.valid.any():
             none = np.full(len(self._observed), np.nan)
             return Reading(*about, exercised=True, errors=none, seeds=none[:0])
-        apart = found.apart[row.name]
+        apart = window_values.apart[row.name]
         shares = apart.sum(axis=1) / real
         mean = shares.mean(axis=0)
         body = self._find_worst_body(mean)
@@ -468,7 +474,7 @@ class PhaseMeasure:
             errors=mean[self._observed],
             seeds=shares[:, body],
             body=int(np.searchsorted(self._observed, body)),
-            speed=float(apart[..., body][self.run.valid & ~found.lost].mean()),
+            speed=float(apart[..., body][self.run.valid & ~window_values.lost].mean()),
             seed=seed,
             time=time,
         )
@@ -524,9 +530,9 @@ class PhaseMeasure:
     def _measure_speeds(self, warning: EngineWarning) -> Floats:
         """Return (B,) speeds in the last state before a warning; 0 where one is not finite."""
         run, begin = self.run, int(self.run.begins[warning.window])
-        kept = run.velocity_states[warning.seed, begin : begin + run.steps]
+        states = run.velocity_states[warning.seed, begin : begin + run.steps]
         with np.errstate(invalid="ignore", over="ignore"):
-            speeds = np.linalg.norm(self._observer(kept)[0], axis=-1)
+            speeds = np.linalg.norm(self._observer(states)[0], axis=-1)
         whole = np.isfinite(speeds).all(axis=1)
         last = len(whole) if whole.all() else max(1, int(whole.argmin()))
         return np.nan_to_num(speeds[last - 1])
@@ -542,7 +548,7 @@ class PhaseMeasure:
             cause = self._find_place(warning.seed, warning.window - 1, models, body)
         return replace(warning, cause=cause)
 
-    def _measure_drift(self, found: "_Found", parts: Floats) -> Floats:
+    def _measure_drift(self, window_values: "_Found", parts: Floats) -> Floats:
         """Return (S,) drifts of energy over all of it that there was.
 
         That is what the start had above the lowest potential energy, and what the reference added;
@@ -557,53 +563,59 @@ class PhaseMeasure:
         weight = self._pulls.mean(axis=1) @ model.body_mass[self._bodies] * size
         usual = GRAVITY_AS_REAL * self._usual @ model.body_mass[self._bodies] * size
         found_drifts = np.full(len(parts), np.nan)
-        for seed, valid in enumerate(self.run.valid & ~found.lost):
+        for seed, valid in enumerate(self.run.valid & ~window_values.lost):
             if not valid.any():
                 continue
-            own, gained = settled(parts[seed][valid]), settled(found.energy[seed][valid])
-            start, most = found.held[seed][valid].T
+            own, gained = settled(parts[seed][valid]), settled(window_values.energy[seed][valid])
+            start, most = window_values.held[seed][valid].T
             with np.errstate(invalid="ignore", over="ignore"):
                 before = np.cumsum(gained) - gained
-                had = max(start[0] + found.added[seed][valid].sum(), np.nanmax(most - before))
-                had -= found.lowest[seed][valid].min()
+                had = max(
+                    start[0] + window_values.added[seed][valid].sum(), np.nanmax(most - before)
+                )
+                had -= window_values.lowest[seed][valid].min()
                 scale = max(had, weight[seed], usual) + 1e-300
                 # No run loses more than there is: what it lacks then, the reference gained.
                 if (own >= -scale - np.maximum(np.cumsum(own) - own, 0)).all():
                     found_drifts[seed] = drift(own / scale)
         return found_drifts
 
-    def _measure_excess(self, found: "_Found", real: Floats) -> Floats:
-        return np.maximum(0, (found.excess.sum(axis=1) / real).mean(axis=0))[self._observed]
+    def _measure_excess(self, window_values: "_Found", real: Floats) -> Floats:
+        return np.maximum(0, (window_values.excess.sum(axis=1) / real).mean(axis=0))[self._observed]
 
-    def _measure_peak(self, found: "_Found") -> float:
-        speed = found.speed.max(axis=1, keepdims=True)
+    def _measure_peak(self, window_values: "_Found") -> float:
+        speed = window_values.speed.max(axis=1, keepdims=True)
         with np.errstate(invalid="ignore", divide="ignore"):
-            parts = np.where(speed > 0, found.apart[RUN.name] / speed, 0)[..., self._observed]
+            parts = np.where(speed > 0, window_values.apart[RUN.name] / speed, 0)[
+                ..., self._observed
+            ]
         return float(np.nanmax(parts, initial=0))
 
-    def _extrapolate_limits(self, found: "_Found") -> Floats:
+    def _extrapolate_limits(self, window_values: "_Found") -> Floats:
         """Return (B,) factors from shares at h/4 to those at the limit of fine steps."""
-        checked = self._find_checked(found)
-        run, finer = (of[checked].sum(axis=0) for of in (found.apart[RUN.name], found.finer))
+        checked = self._find_checked(window_values)
+        run, finer = (
+            of[checked].sum(axis=0) for of in (window_values.apart[RUN.name], window_values.finer)
+        )
         return to_the_limit(run, finer)
 
-    def _bound_error(self, found: "_Found", real: Floats) -> float:
+    def _bound_error(self, window_values: "_Found", real: Floats) -> float:
         """Return at most how far the run is from the limit of fine steps, of the worst body.
 
         NaN where nothing was checked. In first order that limit is as far from a reference at h/8
         as that is from one at h/4, whether or not they come nearer to the run. What slack forgives
         of that is in the run's share, which is at the limit already.
         """
-        checked = self._find_checked(found)
+        checked = self._find_checked(window_values)
         if not checked.any():
             return float("nan")
-        apart = np.where(checked[..., None], found.finer + found.checked, 0)
-        apart = np.stack([apart, found.apart[RUN.name]]).sum(axis=2)
+        apart = np.where(checked[..., None], window_values.finer + window_values.checked, 0)
+        apart = np.stack([apart, window_values.apart[RUN.name]]).sum(axis=2)
         return float((apart / real).mean(axis=1)[:, self._observed].max())
 
-    def _find_checked(self, found: "_Found") -> np.ndarray:
+    def _find_checked(self, window_values: "_Found") -> np.ndarray:
         """Return (S, W) whether a window was gone through by both references."""
-        return ~np.isnan(found.checked[..., 0]) & ~found.lost
+        return ~np.isnan(window_values.checked[..., 0]) & ~window_values.lost
 
 
 class _SharedRolls:
@@ -618,11 +630,11 @@ class _SharedRolls:
         key = blake2b(buffer.data).digest(), rate
         if key in self._known:
             return self._known[key]
-        seen = self._roll(model, rate)
+        velocities = self._roll(model, rate)
         most_numbers = 1 << 23  # that rows share: 64 MiB, as much as is recorded
-        if self._numbers + seen.size <= most_numbers:
-            self._known[key], self._numbers = seen, self._numbers + seen.size
-        return seen
+        if self._numbers + velocities.size <= most_numbers:
+            self._known[key], self._numbers = velocities, self._numbers + velocities.size
+        return velocities
 
 
 class _Look(NamedTuple):
@@ -661,10 +673,10 @@ class _Found(NamedTuple):
 
     def begin_with(self, other: "_Found") -> None:
         """Enter the measurements of the first seeds."""
-        for name, given in other.apart.items():
-            self.apart[name][: len(given)] = given
-        for own, given in zip(self[1:], other[1:], strict=True):
-            own[: len(given)] = given
+        for name, first_values in other.apart.items():
+            self.apart[name][: len(first_values)] = first_values
+        for own, first_values in zip(self[1:], other[1:], strict=True):
+            own[: len(first_values)] = first_values
 
     @classmethod
     def empty(cls, shape: tuple[int, int], bodies: int, names: Iterable[str]) -> "_Found":

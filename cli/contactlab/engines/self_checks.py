@@ -55,7 +55,7 @@ def run_checks(
     steps = trace.steps
     geometry_samples = 128  # evenly spread: a wrong distance lasts for many steps
     geometry_steps = np.linspace(0, steps - 1, min(steps, geometry_samples)).astype(np.intp)
-    found, backward = list[tuple[Any, ...]](), list[BackwardError]()
+    check_rows, backward = list[tuple[Any, ...]](), list[BackwardError]()
     # Forces and accelerations below this share of the run's largest may be rounding.
     min_share_of_largest = 1e-3
     # Complete each run before the next one, so that its time limit covers nothing else.
@@ -77,13 +77,13 @@ def run_checks(
         least = max(min_share_of_largest * force.max(initial=0), floor)
         residual = gap / np.maximum(force, least)
         jacobian = _jacobian_errors(model, trace, runs.starts, run, gap / np.maximum(force, floor))
-        found.append((residual, *jacobian, *geometry, squeeze, repeats))
+        check_rows.append((residual, *jacobian, *geometry, squeeze, repeats))
         if judge is not None:
             backward.append(judge(runs, run, states))
     return SelfChecks(
         backward=tuple(backward),
         geometry_steps=geometry_steps,
-        **dict(zip(BY_RUN, map(np.array, zip(*found, strict=True)), strict=True)),
+        **dict(zip(BY_RUN, map(np.array, zip(*check_rows, strict=True)), strict=True)),
     )
 
 
@@ -103,13 +103,13 @@ def _roll_out_again(
     batch = start_batch([checked], start)
     states = np.empty((steps + 1, batch.state.shape[1]))
     states[0] = batch.state[0]
-    found: dict[Any, Floats] = {
+    fields: dict[Any, Floats] = {
         _WHOLE_STATE: states[None, 1:],
         "solver_fwdinv": np.empty((1, steps, 2)),
         "qfrc_constraint": np.empty((1, steps, model.nv)),
     }
-    batch.rollout(steps, record=list(found), out=found, **driven_inputs(checked, start, 0, steps))
-    return states, {field: array[0] for field, array in found.items()}
+    batch.rollout(steps, record=list(fields), out=fields, **driven_inputs(checked, start, 0, steps))
+    return states, {field: array[0] for field, array in fields.items()}
 
 
 def _jacobian_errors(
@@ -149,13 +149,13 @@ def _jacobian_errors(
     for place, (step, inputs) in enumerate(zip(worst.tolist(), acting, strict=True)):
         if residual[step] <= negligible_residual:
             continue
-        left, _ = solve_step(own_form, inputs, step)
-        if left <= most_left:
+        error_left, _ = solve_step(own_form, inputs, step)
+        if error_left <= most_left:
             continue
         others, full = solve_step(other_form, inputs, step)
         decided = others <= most_left and not full
-        known = left if np.isnan(residual[step]) else residual[step]
-        errors[place] = known if decided else np.nan
+        known_error = error_left if np.isnan(residual[step]) else residual[step]
+        errors[place] = known_error if decided else np.nan
     return worst, errors
 
 
@@ -175,8 +175,8 @@ def _distance_errors(
     touch = touch_mask(model)
     fields = np.flatnonzero(np.isin(model.geom_type, _FIELD_SHAPES))
     monitored = [
-        (np.array(geoms), made.slots[run, steps])
-        for pair, made in zip(base.pairs, trace.pairs, strict=True)
+        (np.array(geoms), pair_trace.slots[run, steps])
+        for pair, pair_trace in zip(base.pairs, trace.pairs, strict=True)
         if (geoms := colliding_geoms(touch, pair)) and not np.isin(geoms, fields).any()
     ]
     if not monitored:

@@ -75,18 +75,21 @@ class EnergyLedger:
             self.given[run] = np.nan
             return
         acts = forces["qfrc_constraint"].any(axis=1)
-        given = np.concatenate(([0.0], np.cumsum(self.work[run, :, CONSTRAINTS])))
-        held, free = _largest_rise(given, acts | True), _largest_rise(given, ~acts)
-        inputs = starts.input_rows(run, model.opt.timestep, np.array([held[0], 0]))
+        summed_work = np.concatenate(([0.0], np.cumsum(self.work[run, :, CONSTRAINTS])))
+        acting_stretch, free = (
+            _largest_rise(summed_work, acts | True),
+            _largest_rise(summed_work, ~acts),
+        )
+        inputs = starts.input_rows(run, model.opt.timestep, np.array([acting_stretch[0], 0]))
         # Without constraints, no energy is stored; driven models may store energy at any time.
-        stored, at_start, most = 0.0, 0.0, _stretch_rise(given, free) * (not acts[free[0]])
-        if _stretch_rise(given, held) > max(most, 0):
-            stored, _ = self._stored_energy(model, states[held[0]], inputs[0])
+        stored, at_start, most = 0.0, 0.0, _stretch_rise(summed_work, free) * (not acts[free[0]])
+        if _stretch_rise(summed_work, acting_stretch) > max(most, 0):
+            stored, _ = self._stored_energy(model, states[acting_stretch[0]], inputs[0])
         if acts[0] and is_passive(model):
             _, at_start = self._stored_energy(model, states[0], inputs[1])
         # A stretch that begins without stored energy is less uncertain.
-        more = 2 * most >= _stretch_rise(given, held) - stored
-        self.given[run] = *(free if more else held), 0 if more else stored, at_start
+        more = 2 * most >= _stretch_rise(summed_work, acting_stretch) - stored
+        self.given[run] = *(free if more else acting_stretch), 0 if more else stored, at_start
 
     def _stored_energy(
         self, model: mujoco.MjModel, state: Floats, inputs: Floats
@@ -165,16 +168,16 @@ def _step_change(force: Floats) -> Floats:
     return np.diff(force, axis=0, append=force[-1:])
 
 
-def _largest_rise(given: Floats, starts: NDArray[np.bool_]) -> tuple[int, int]:
+def _largest_rise(summed_work: Floats, starts: NDArray[np.bool_]) -> tuple[int, int]:
     """Return the first, one of `starts` (N,), and the last step of the largest rise in (N + 1)."""
-    least = np.minimum.accumulate(np.where(starts, given[:-1], np.inf))
-    last = int((given[1:] - least).argmax())
-    return int(np.where(starts[: last + 1], given[: last + 1], np.inf).argmin()), last
+    least = np.minimum.accumulate(np.where(starts, summed_work[:-1], np.inf))
+    last = int((summed_work[1:] - least).argmax())
+    return int(np.where(starts[: last + 1], summed_work[: last + 1], np.inf).argmin()), last
 
 
-def _stretch_rise(given: Floats, stretch: tuple[int, int]) -> float:
+def _stretch_rise(summed_work: Floats, stretch: tuple[int, int]) -> float:
     first, last = stretch
-    return float(given[last + 1] - given[first])
+    return float(summed_work[last + 1] - summed_work[first])
 
 
 def _forces_at_rest(model: mujoco.MjModel, data: mujoco.MjData, others: Floats) -> Floats:

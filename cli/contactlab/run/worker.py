@@ -148,12 +148,12 @@ class Worker:
         with self._preparer.start_watchdog() as start_clock:
             if purpose == "errors" and request is not None:
                 (model,) = reference_models(self.scene, self._task.sweep, job[:1]).values()
-                found = discretization_errors(self.scene, plans, model, request, watch)
+                pass_results = discretization_errors(self.scene, plans, model, request, watch)
             else:
-                found = list(work_of_runs(self.scene, plans, watch))
+                pass_results = list(work_of_runs(self.scene, plans, watch))
         return [
             note_result(purpose, run.run_id, numbers)
-            for run, numbers in zip(job, found, strict=True)
+            for run, numbers in zip(job, pass_results, strict=True)
         ]
 
     def _record_job(self, job: Job) -> list[Finished]:
@@ -168,11 +168,11 @@ class Worker:
             kinds.setdefault(measurement_key(plan.run, plan.prepared.model), []).append(place)
         rows = dict[int, RunRow]()
         for places in kinds.values():
-            left = places
-            while left and (not rows or self._proceed()):
-                alike = self._record_alike([plans[place] for place in left])
-                rows |= {left[row]: encoded for row, encoded in alike.items()}
-                left = [place for place in left if place not in rows]
+            remaining_places = places
+            while remaining_places and (not rows or self._proceed()):
+                alike = self._record_alike([plans[place] for place in remaining_places])
+                rows |= {remaining_places[row]: encoded for row, encoded in alike.items()}
+                remaining_places = [place for place in remaining_places if place not in rows]
         return journal_entries([rows[place] for place in sorted(rows)])
 
     def _record_alike(self, plans: Sequence[PlannedModel]) -> dict[int, RunRow]:
@@ -187,8 +187,8 @@ class Worker:
             for place in group.rows:
                 twin, common = labels.get(place), commons[place]
                 if twin is not None or not self._task.sweep.knife_edge:
-                    found = RunOutcome(plans[place], common, group, rollout, place, started, twin)
-                    rows[place] = self._finish_run(found)
+                    outcome = RunOutcome(plans[place], common, group, rollout, place, started, twin)
+                    rows[place] = self._finish_run(outcome)
         return rows
 
     def _play_episodes(self, job: Job) -> list[Finished]:
@@ -230,35 +230,41 @@ class Worker:
         return rollout, self._measured_groups(runs, rollout, trace, setup)
 
     def _trace_and_setup(self, runs: PreparedRuns, rollout: Rollout) -> tuple[Trace, Setup]:
-        done = len(rollout.steps)
-        resolved, models = runs.resolved[:done], runs.models[:done]
+        done_runs = len(rollout.steps)
+        resolved, models = runs.resolved[:done_runs], runs.models[:done_runs]
         manifest, sweep = self.scene.source.manifest, self._task.sweep
-        asked: list[RunRequirement] = [(text, [True] * done) for text in sweep.must]
+        run_requirements: list[RunRequirement] = [(text, [True] * done_runs) for text in sweep.must]
         for match, expectation in self._task.expected:
             where = [match.is_met(run.axes) for run in resolved] if expectation.must else []
-            asked += [(text, where) for text in expectation.must]
-        setup = make_setup(runs.base, manifest, resolved, models, sweep.thresholds, asked)
+            run_requirements += [(text, where) for text in expectation.must]
+        setup = make_setup(
+            runs.base, manifest, resolved, models, sweep.thresholds, run_requirements
+        )
         setup = replace(setup, recorded=self.scene.recorded_motion(resolved))
-        return _without_momentum(make_trace(runs.base, runs.prepared[:done], rollout), setup), setup
+        return _without_momentum(
+            make_trace(runs.base, runs.prepared[:done_runs], rollout), setup
+        ), setup
 
     def finish_loop(
         self,
         plan: PlannedModel,
         rollout: Rollout,
-        known: ExtraFields,
+        setup_fields: ExtraFields,
         started: str,
-        said: ExtraFields,
+        row_fields: ExtraFields,
     ) -> Finished:
         """Store a run of a user's loop, from parts of its setup and fields of its record."""
         runs = PreparedRuns(self.scene, [plan.run], [plan.prepared], plan.start, plan.run.steps)
         trace, setup = self._trace_and_setup(runs, rollout)
-        setup = replace(setup, **known)
+        setup = replace(setup, **setup_fields)
         if setup.hold:  # The duration of the run is known only now.
             ends = np.minimum(setup.hold.stop, setup.duration)
             setup = replace(setup, hold=replace(setup.hold, stop=ends))
         (group,) = self._measured_groups(runs, rollout, trace, setup)
         common = CommonFields(self._task, plan)
-        row = self._finish_run(RunOutcome(plan, common, group, rollout, 0, started, None), said)
+        row = self._finish_run(
+            RunOutcome(plan, common, group, rollout, 0, started, None), row_fields
+        )
         return journal_entries([row])[0]
 
     def _measured_groups(
@@ -312,10 +318,15 @@ class Worker:
                 proceed = self._grace_period(start_clock)
                 judge = whole_verdict if rule == "verdict" else backward_error
                 checks = engine.check_runs(again, picked, proceed, judge)
-            done = range(checks.runs)
-            checked, known = picked.select(done), setup.select([suspects[row] for row in done])
-            second = self._assess_runs(checked, known, checks)
-            yield MeasuredGroup({whole[suspects[row]]: row for row in done}, checked, second)
+            checked_rows = range(checks.runs)
+            checked, checked_setup = (
+                picked.select(checked_rows),
+                setup.select([suspects[row] for row in checked_rows]),
+            )
+            second = self._assess_runs(checked, checked_setup, checks)
+            yield MeasuredGroup(
+                {whole[suspects[row]]: row for row in checked_rows}, checked, second
+            )
 
     def _twin_labels(self, plans: Sequence[PlannedModel], starts: InitialStates) -> dict[int, str]:
         """Return each run's label from an initial state 1e-6 away, if the sweep requests it."""
@@ -361,10 +372,10 @@ class Worker:
         (plan,) = self._preparer.plan_job((run,))
         return journal_entries([row_of_crash(self._task, plan, label)])[0]
 
-    def _finish_run(self, outcome: RunOutcome, said: ExtraFields | None = None) -> RunRow:
+    def _finish_run(self, outcome: RunOutcome, row_fields: ExtraFields | None = None) -> RunRow:
         plan, common = outcome.plan, outcome.common
         own = own_fields(self._task, outcome)
-        for name, value in (said or {}).items():
+        for name, value in (row_fields or {}).items():
             (common.fields if name in common.fields else own)[name] = value
         if outcome.controls is not None:
             # Controls that are stored already are not stored again.

@@ -52,9 +52,9 @@ def field_axis(model: mujoco.MjModel, name: str) -> AxisSpec | None:
 
     A ValueError says that the field, object or index does not exist.
     """
-    if (found := find_field(model, name)) is None:
+    if (field_place := find_field(model, name)) is None:
         return None
-    array, index = found
+    array, index = field_place
     width = int(np.size(array[index]))
     one: Callable[[object], object]
     if re.match(r"(geom_condim|pair_dim)\b", name):
@@ -85,9 +85,9 @@ def is_as_written(model: mujoco.MjModel, name: str, value: object) -> bool:
     """
     if name in DISTANCE_FIELDS:
         return bool(getattr(model.opt, name) == value)
-    if (found := find_field(model, name)) is None:
+    if (field_place := find_field(model, name)) is None:
         return False
-    array, index = found
+    array, index = field_place
     return bool(np.all(array[index] == np.asarray(value, array.dtype)))
 
 
@@ -100,9 +100,9 @@ def find_field(model: mujoco.MjModel, name: str) -> tuple[np.ndarray, tuple[int,
     kind = FIELD_KINDS.get(field.partition("_")[0])
     array = getattr(model, field, None)
     if kind is None or not isinstance(array, np.ndarray) or not is_writable(field):
-        known = [attribute for attribute in dir(model) if is_writable(attribute)]
+        field_names = [attribute for attribute in dir(model) if is_writable(attribute)]
         raise ValueError(
-            f"'{field}' is not a model field that can be swept{did_you_mean(field, known)}"
+            f"'{field}' is not a model field that can be swept{did_you_mean(field, field_names)}"
         )
     row = find_id(model, kind, item)
     if row < 0:
@@ -208,8 +208,8 @@ def write_settings(
             model.body_mass[targets.subject] = mass
             model.body_inertia[targets.subject] *= ratio
             derived = True
-        elif found := find_field(model, name):
-            array, index = found
+        elif field_place := find_field(model, name):
+            array, index = field_place
             array[index] = value
             derived |= not inputs or name.partition("[")[0] in inputs
     write_flags(model, flags)

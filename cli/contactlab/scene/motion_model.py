@@ -77,8 +77,8 @@ def _find_moving_meshes(model: mujoco.MjModel) -> Keep:
 
 def _measures_shapes(model: mujoco.MjModel) -> bool:
     sensors = {mujoco.mjtSensor(int(kind)).name for kind in model.sensor_type}
-    named = (word in name for name in sensors for word in _SHAPE_SENSORS)
-    return bool(model.nplugin) or any(named)
+    reads_shapes = (word in name for name in sensors for word in _SHAPE_SENSORS)
+    return bool(model.nplugin) or any(reads_shapes)
 
 
 def _list_kept_rows(model: mujoco.MjModel, *, keeps_rays: bool) -> Iterator[tuple[str, Keep]]:

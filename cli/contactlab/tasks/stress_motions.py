@@ -27,14 +27,14 @@ def tilt_gravity(motion: Motion, sign: float = 1.0) -> Motion:
 
 def tilt_model(model: mujoco.MjModel, sign: float = 1.0) -> mujoco.MjModel:
     """Return a copy of a model with gravity tilted; a sign of -1 tilts it the other way."""
-    made, angle = copy.copy(model), math.radians(TILT_DEGREES)
-    down = np.array(made.opt.gravity)
+    tilted, angle = copy.copy(model), math.radians(TILT_DEGREES)
+    down = np.array(tilted.opt.gravity)
     size = float(np.linalg.norm(down))
     aside = np.cross(down, [0.0, 1.0, 0.0] if abs(down[1]) < 0.9 * size else [1.0, 0.0, 0.0])
     if size > 0:
         aside *= sign * size / float(np.linalg.norm(aside))
-        made.opt.gravity[:] = math.cos(angle) * down + math.sin(angle) * aside
-    return made
+        tilted.opt.gravity[:] = math.cos(angle) * down + math.sin(angle) * aside
+    return tilted
 
 
 def double_inputs(motion: Motion) -> Motion:
@@ -64,9 +64,9 @@ class KnownStates:
         ]
         self._known = dict[int, bytes]()
 
-    def match_models(self, made: Sequence[mujoco.MjModel]) -> bool:
+    def match_models(self, models: Sequence[mujoco.MjModel]) -> bool:
         """Return whether each bit of the motion of these models is equal, one model a motion."""
-        pairs = zip(self.motions, made, strict=True)
+        pairs = zip(self.motions, models, strict=True)
         return self.match_motions([replace(motion, model=model) for motion, model in pairs])
 
     def match_motions(self, others: Sequence[Motion]) -> bool:
@@ -85,8 +85,8 @@ class KnownStates:
         for motion in self.motions:
             states = visit_states(motion, self._workers)
             self._known[id(motion)] = _digest_states(states)
-            kept = states[:, :-1, : motion.model.nq]
-            yield kept[np.isfinite(kept).all(axis=2)]
+            positions = states[:, :-1, : motion.model.nq]
+            yield positions[np.isfinite(positions).all(axis=2)]
 
     def _find_digest(self, motion: Motion) -> bytes:
         if id(motion) not in self._known:

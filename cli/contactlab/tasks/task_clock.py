@@ -143,13 +143,13 @@ class Clock:
         """Time of the model as written over simulated time."""
         # Counted time, so that a busy machine times the same segments, and plans the same rounds.
         self._counted_seconds = self._count_seconds(self._written, reference.substeps)
-        wanted = TURN_SECONDS / self._counted_seconds / len(reference.phases)
+        turn_runs = TURN_SECONDS / self._counted_seconds / len(reference.phases)
         self._segment_count = max(
             _LIMITS.least_count,
-            min(_LIMITS.most_count, math.ceil(wanted / _LIMITS.most_seconds)),
+            min(_LIMITS.most_count, math.ceil(turn_runs / _LIMITS.most_seconds)),
         )
         self._segment_seconds = min(
-            _LIMITS.most_seconds, max(_LIMITS.least_seconds, wanted / self._segment_count)
+            _LIMITS.most_seconds, max(_LIMITS.least_seconds, turn_runs / self._segment_count)
         )
 
     @property
@@ -162,10 +162,10 @@ class Clock:
         self, models: Sequence[ModelAtStep], protocol: TimingProtocol = _SEGMENT_PROTOCOL
     ) -> list[TimeRatio]:
         """Return the times of models over the time of the model as written, for the same motion."""
-        made = [(self._written, self._reference.substeps), *models]
-        taken = time_rounds([self._build_timer(*each) for each in made], protocol)
-        self.base_seconds = float(np.median(taken[:, 0]))
-        return ratios_of_rounds(taken)
+        all_models = [(self._written, self._reference.substeps), *models]
+        round_times = time_rounds([self._build_timer(*each) for each in all_models], protocol)
+        self.base_seconds = float(np.median(round_times[:, 0]))
+        return ratios_of_rounds(round_times)
 
     def count_costs(self, models: Sequence[ModelAtStep]) -> list[float]:
         """Return the counted work of models over that of the model as written.
@@ -175,23 +175,23 @@ class Clock:
         return [self._count_seconds(*each) / self._counted_seconds for each in models]
 
     def _count_seconds(self, model: mujoco.MjModel, multiple: int) -> float:
-        made = self._with_step(model, multiple)
-        data, work = mujoco.MjData(made), StepWork(made)
+        stepped_model = self._with_step(model, multiple)
+        data, work = mujoco.MjData(stepped_model), StepWork(stepped_model)
         counted_steps = 4  # from each state; the first, without a warm start, is left out
         for phase in self._reference.phases:
             count = min(_LIMITS.most_count, len(phase.starts))
             places = np.linspace(0, len(phase.starts) - 1, count).astype(int)
             begun = phase.starts_and_inputs(multiple, phase.starts[places], counted_steps)
             for start, inputs in zip(*begun, strict=True):
-                mujoco.mj_resetData(made, data)  # wakes sleeping bodies
-                mujoco.mj_setState(made, data, start, INTEGRATION)
+                mujoco.mj_resetData(stepped_model, data)  # wakes sleeping bodies
+                mujoco.mj_setState(stepped_model, data, start, INTEGRATION)
                 rows = inputs if inputs.shape[1] else None
                 try:
                     work.count_steps(data, counted_steps, rows, phase.motion.spec)
                 except mujoco.FatalError:
                     return math.inf
         seconds = float(work.total @ UNIT_SECONDS) / max(work.steps, 1)
-        return seconds / float(made.opt.timestep)
+        return seconds / float(stepped_model.opt.timestep)
 
     def time_whole_runs(
         self,
@@ -205,25 +205,25 @@ class Clock:
         Seeds of one task after the other are run until the interval is narrow enough, or it may not
         continue. One seed shows no spread, and two have an interval that says little.
         """
-        made = self._with_steps([(self._written, self._reference.substeps), *models])
+        all_models = self._with_steps([(self._written, self._reference.substeps), *models])
         seeds = (
-            self._whole_run_timers(made, motions, seed)
+            self._whole_run_timers(all_models, motions, seed)
             for motions in tasks
             for seed in range(motions[0].seeds)
         )
-        taken = [*time_samples(seeds, least=fewest_seeds, may_continue=may_continue)]
-        self.base_seconds = float(np.mean(taken, axis=0)[0])
-        return ratios_of_samples(taken)
+        samples = [*time_samples(seeds, least=fewest_seeds, may_continue=may_continue)]
+        self.base_seconds = float(np.mean(samples, axis=0)[0])
+        return ratios_of_samples(samples)
 
     def _whole_run_timers(
-        self, made: Sequence[ModelAtStep], motions: Sequence[Motion], seed: int
+        self, models: Sequence[ModelAtStep], motions: Sequence[Motion], seed: int
     ) -> list[Timer]:
         finer = self._reference.substeps
         return [
             TimedModel(
                 model, [whole_run(each, finer, seed, multiple) for each in motions]
             ).measure_cost
-            for model, multiple in made
+            for model, multiple in models
         ]
 
     def _with_steps(self, models: Sequence[ModelAtStep]) -> list[ModelAtStep]:

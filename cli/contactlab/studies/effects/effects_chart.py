@@ -23,13 +23,17 @@ _MOST_BARS = 30
 
 def draw_effects(report: EffectsReport) -> alt.TopLevelMixin:
     """Return the chart of the features and parts that were timed, those that cost most first."""
-    timed = [each for each in report.effects if each.time_ratio][:_MOST_BARS]
-    rows = [_build_row(each) for each in timed]
+    timed_parts = [each for each in report.effects if each.time_ratio][:_MOST_BARS]
+    rows = [_build_row(each) for each in timed_parts]
     y = alt.Y("name:N").sort([row["name"] for row in rows]).axis(title=None, labelLimit=240)
     x = alt.X("ratio:Q").scale(zero=False).title("time without it, over the time as written")
     x = x.axis(labelExpr="'x' + format(datum.value, '.2~f')")
-    shown = [verdict for verdict in _COLOURS if any(row["verdict"] == verdict for row in rows)]
-    colour = word_colours("verdict", shown, [_COLOURS[verdict] for verdict in shown]).title(None)
+    shown_verdicts = [
+        verdict for verdict in _COLOURS if any(row["verdict"] == verdict for row in rows)
+    ]
+    colour = word_colours(
+        "verdict", shown_verdicts, [_COLOURS[verdict] for verdict in shown_verdicts]
+    ).title(None)
     bars = layer_of("effects", rows).mark_bar(opacity=0.8).encode(x, alt.X2("one:Q"), y, colour)
     spans = layer_of("effects", rows).mark_rule(color=INK)
     smaller = report.smaller

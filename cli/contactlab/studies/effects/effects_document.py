@@ -32,18 +32,18 @@ def describe_effects(report: EffectsReport, *, folder: Path | None = None) -> Do
         f"{report.model}: each feature and part left out alone{runs}, in the task, with gravity "
         f"tilted by {report.tilt:g} degrees, and with twice the controls and pushes"
     )
-    shown = [each for each in report.effects if each.error is not None or each.time_ratio]
+    shown_parts = [each for each in report.effects if each.error is not None or each.time_ratio]
     if report.recorded:
         how = (
             f"{report.model}: each feature changed alone, against {report.scenarios} recorded runs"
         )
     blocks: list[Block] = [Sentence(report.task.line), Sentence(how), Headline(report.sentence)]
-    rows = [_describe_row(each) for each in shown]
+    rows = [_describe_row(each) for each in shown_parts]
     if report.noise_floor:
         rows.append(("noise floor", "", "", "", _format_ratio(report.noise_floor)))
     if rows:
         blocks.append(table_of(_HEADS, rows))
-    blocks += map(Sentence, _list_sentences(report, shown))
+    blocks += map(Sentence, _list_sentences(report, shown_parts))
     blocks += _describe_smaller(report, folder)
     if report.timed_out:
         blocks.append(Sentence("The time limit was reached; raise it with --max-time."))
@@ -56,8 +56,8 @@ def _describe_row(part: PartEffect) -> tuple[str, ...]:
     error = "" if part.error is None else format_percent(part.error)
     time = _format_ratio(part.time_ratio) if part.time_ratio else ""
     # A row fits into 80 columns.
-    named, body = _shorten_name(name_part(part), width=27), _shorten_name(part.body, width=15)
-    return named, part.verdict, error, body, time
+    part_name, body = _shorten_name(name_part(part), width=27), _shorten_name(part.body, width=15)
+    return part_name, part.verdict, error, body, time
 
 
 def name_part(part: PartEffect) -> str:
@@ -74,23 +74,23 @@ def _format_ratio(ratio: TimeRatio) -> str:
     return f"x{ratio.ratio:.2f}"
 
 
-def _list_sentences(report: EffectsReport, shown: list[PartEffect]) -> Iterator[str]:
-    for part in shown:
+def _list_sentences(report: EffectsReport, shown_parts: list[PartEffect]) -> Iterator[str]:
+    for part in shown_parts:
         if part.members == (part.name,):
             yield f"{part.name}: {part.reason}"
         elif part.members:
             yield f"{part.name}: {_join_names(part.members)} ({part.reason})"
-    safe = [part for part in shown if part.verdict == "below the tolerance" and part.reason]
+    safe = [part for part in shown_parts if part.verdict == "below the tolerance" and part.reason]
     for reason in dict.fromkeys(part.reason for part in safe):
         names = [part.name for part in safe if part.reason == reason]
         yield f"kept as {reason}: {_join_names(names)}"
     for name, measure in report.kept.items():
         yield f"{name} stays: without it, {measure}"
-    slight = [part for part in shown if part.verdict == "not exercised"]
+    slight = [part for part in shown_parts if part.verdict == "not exercised"]
     if slight:
         names = _join_names([part.name for part in slight])
         yield f"hardly loaded in these runs, which proves nothing for others: {names}"
-    hidden = [part for part in report.effects if part not in shown]
+    hidden = [part for part in report.effects if part not in shown_parts]
     for verdict in dict.fromkeys(part.verdict for part in hidden):
         own = [part for part in hidden if part.verdict == verdict]
         kinds = dict.fromkeys(part.kind for part in own)

@@ -183,10 +183,10 @@ class EffectsStudy:
         model = self.base
         sizes = {"body": model.nbody, "geom": model.ngeom, "tendon": model.ntendon}
         objects = {name_of(model, kind, row) for kind, size in sizes.items() for row in range(size)}
-        named = {name for part in parts for name in (part.name, *part.members)}
-        known = {*objects, *own_sensors(model), "sensors", *named}
+        part_names = {name for part in parts for name in (part.name, *part.members)}
+        known_names = {*objects, *own_sensors(model), "sensors", *part_names}
         for name in keep:
-            SceneError.unless_known(name, known, f"--keep: no feature or part '{name}'")
+            SceneError.unless_known(name, known_names, f"--keep: no feature or part '{name}'")
         self.measured = [MeasuredPart(part) for part in parts]
         self.noise_floor: TimeRatio | None = None
 
@@ -203,34 +203,38 @@ class EffectsStudy:
             and (one.part.assumed or one.part.exercised or one.part.proof)
         ]
         models = [self._compile_without(one.part) for one in may_go]
-        timed = [(one, model) for one, model in zip(may_go, models, strict=True) if model]
-        costs = self.clock.count_costs([(model, 1) for _, model in timed])
-        for (one, _), cost in zip(timed, costs, strict=True):
+        removable_models = [
+            (one, model) for one, model in zip(may_go, models, strict=True) if model
+        ]
+        costs = self.clock.count_costs([(model, 1) for _, model in removable_models])
+        for (one, _), cost in zip(removable_models, costs, strict=True):
             one.cost = cost
         rounds = 2 * _CLOSE.looks * _CLOSE.rounds
-        is_fast = (len(timed) + 1) * rounds * self.clock.turn_seconds < self._timing_seconds
+        is_fast = (
+            len(removable_models) + 1
+        ) * rounds * self.clock.turn_seconds < self._timing_seconds
         saving = [one for one in may_go if is_fast or one.saves_work]
         measuring_share = 0.5  # of the time limit; the rest is for the smaller model
         self._measure_errors(sorted(saving, key=lambda one: one.cost), measuring_share)
-        made = [(one, model) for one, model in timed if one in saving]
-        changed = [(model, 1) for _, model in made]
+        smaller_models = [(one, model) for one, model in removable_models if one in saving]
+        changed = [(model, 1) for _, model in smaller_models]
         *ratios, self.noise_floor = self.clock.time_ratios(
             [*changed, (change_model(self.base), 1)], _CLOSE if is_fast else _SCREENING
         )
-        for (one, _), ratio in zip(made, ratios, strict=True):
+        for (one, _), ratio in zip(smaller_models, ratios, strict=True):
             one.ratio = ratio
 
     def measure_others(self) -> None:
         """Measure the errors, then the times, of parts that stay in any case or save nothing."""
         others = [one for one in self.measured if one.part.exercised and one.ratio is None]
         self._measure_errors(others, 1.0)
-        shown = [one for one in others if one.error is not None]
-        if shown and self._allowed.remaining > 0:
-            models = [(change_model(self.base, one.part.change), 1) for one in shown]
+        with_errors = [one for one in others if one.error is not None]
+        if with_errors and self._allowed.remaining > 0:
+            models = [(change_model(self.base, one.part.change), 1) for one in with_errors]
             few_rounds = TimingProtocol(rounds=2, looks=1)  # for parts that stay in any case
             ratios = self.clock.time_ratios(models, few_rounds)
             costs = self.clock.count_costs(models)
-            for one, ratio, cost in zip(shown, ratios, costs, strict=True):
+            for one, ratio, cost in zip(with_errors, ratios, costs, strict=True):
                 one.ratio, one.cost = ratio, cost
 
     def _measure_errors(self, parts: Sequence[MeasuredPart], share: float) -> None:

@@ -72,22 +72,25 @@ class Grip:
         """Return the grip of a changed model: closed again, or continued from the keyframe."""
         fixture = replace(self.fixture, model=model)
         if self.closing is None or self.close_again is None:
-            held = self._held_on(fixture, self.squeeze.control)
-            return replace(self, fixture=fixture, squeeze=self._frame_squeeze(held))
-        closing, held = self.close_again(fixture)
-        if held.approach is not None and not np.array_equal(held.control, self.squeeze.control):
-            held = replace(
-                close_at(fixture, closing, held.approach, self.squeeze.control), turn=held.turn
+            squeeze = self._held_on(fixture, self.squeeze.control)
+            return replace(self, fixture=fixture, squeeze=self._frame_squeeze(squeeze))
+        closing, squeeze = self.close_again(fixture)
+        if squeeze.approach is not None and not np.array_equal(
+            squeeze.control, self.squeeze.control
+        ):
+            squeeze = replace(
+                close_at(fixture, closing, squeeze.approach, self.squeeze.control),
+                turn=squeeze.turn,
             )
-        return replace(self, fixture=fixture, closing=closing, squeeze=held)
+        return replace(self, fixture=fixture, closing=closing, squeeze=squeeze)
 
     def with_control(self, control: Floats) -> "Grip":
         """Return the grip with another final control."""
         if self.closing is not None and self.squeeze.approach is not None:
-            held = close_at(self.fixture, self.closing, self.squeeze.approach, control)
+            squeeze = close_at(self.fixture, self.closing, self.squeeze.approach, control)
         else:
-            held = self._held_on(self.fixture, control)
-        return replace(self, squeeze=self._frame_squeeze(held))
+            squeeze = self._held_on(self.fixture, control)
+        return replace(self, squeeze=self._frame_squeeze(squeeze))
 
     def closed_again(self, control: Floats) -> "Grip":
         """Return the grip closed on the object from the start, with another final control."""
@@ -99,8 +102,8 @@ class Grip:
         grip = replace(self, squeeze=begun)
         return replace(grip, squeeze=grip._frame_squeeze(grip._held_on(grip.fixture, control)))
 
-    def _frame_squeeze(self, held: Squeeze) -> Squeeze:
-        return replace(held, turn=self.squeeze.turn, sucks=self.squeeze.sucks)
+    def _frame_squeeze(self, squeeze: Squeeze) -> Squeeze:
+        return replace(squeeze, turn=self.squeeze.turn, sucks=self.squeeze.sucks)
 
     def _held_on(self, fixture: GripFixture, control: Floats) -> Squeeze:
         """Continue from the keyframe to a control, with a weightless object."""
@@ -146,12 +149,12 @@ def run_fixes(grip: Grip, within: float) -> list[TestedFix]:
 
     If the fingers are deep in the object, less squeeze is part of each fix.
     """
-    changed, found, less = dict[str, mujoco.MjModel](), list[TestedFix](), ""
+    changed, tested_fixes, less = dict[str, mujoco.MjModel](), list[TestedFix](), ""
     controls: tuple[float, ...] = ()
     if grip.depth_share > MOST_DEPTH:
         for eased in _ease_squeeze(grip):
             grip, fix = eased
-            found.append(fix)
+            tested_fixes.append(fix)
             less, controls = f"{fix.name} and ", fix.controls
             if fix.deep <= MOST_DEPTH:
                 break
@@ -163,13 +166,13 @@ def run_fixes(grip: Grip, within: float) -> list[TestedFix]:
         name, other = less + candidate.find_name(model), model.__copy__()
         candidate.change(other, geoms)
         settings = changed_settings(model, other, geoms, candidate.fields)
-        held = any(each.verdict(within) == "holds" for each in found)
-        if settings and not (candidate.is_both and held):
+        is_held = any(each.verdict(within) == "holds" for each in tested_fixes)
+        if settings and not (candidate.is_both and is_held):
             changed[name] = other
-            tried = grip.with_model(other)
-            drifts, deep = tried.measure_drifts(), tried.depth_share
+            changed_grip = grip.with_model(other)
+            drifts, deep = changed_grip.measure_drifts(), changed_grip.depth_share
             fix = TestedFix(name, candidate.against, settings, drifts, deep, None, controls)
-            found.append(fix)
+            tested_fixes.append(fix)
 
     # Time ratios are measured; counted costs are exact, and rank the fixes.
     timed_seconds, window_seconds = 0.4, 0.04
@@ -184,19 +187,19 @@ def run_fixes(grip: Grip, within: float) -> list[TestedFix]:
     costs = {
         name: count_step_seconds(motion, other, states) / own for name, other in changed.items()
     }
-    timed = {name: (lambda other=other: other, 1) for name, other in changed.items()}
-    ratios = measure_time_ratios(motion, replay(motion, window_seconds, 1), timed)
-    found = [
+    timed_models = {name: (lambda other=other: other, 1) for name, other in changed.items()}
+    ratios = measure_time_ratios(motion, replay(motion, window_seconds, 1), timed_models)
+    tested_fixes = [
         replace(each, time_ratio=ratios.get(each.name), cost=costs.get(each.name, each.cost))
-        for each in found
+        for each in tested_fixes
     ]
     if not less and (more := double_squeeze(grip)) is not None:
         control, times = more
-        tried = grip.with_control(control)
-        drifts, deep = tried.measure_drifts(), tried.depth_share
+        changed_grip = grip.with_control(control)
+        drifts, deep = changed_grip.measure_drifts(), changed_grip.depth_share
         name = f"{times:.2g} times the squeeze"
-        found.append(TestedFix(name, "squeeze", {}, drifts, deep, None))
-    return found
+        tested_fixes.append(TestedFix(name, "squeeze", {}, drifts, deep, None))
+    return tested_fixes
 
 
 def _ease_squeeze(grip: Grip) -> Iterator[tuple[Grip, TestedFix]]:
@@ -212,26 +215,28 @@ def _ease_squeeze(grip: Grip) -> Iterator[tuple[Grip, TestedFix]]:
         high = 1.0
         for _ in range(halvings):
             middle = (low + high) / 2
-            tried = grip.closed_again(
+            eased_grip = grip.closed_again(
                 grip.squeeze.control + middle * (opened - grip.squeeze.control)
             )
-            more = sum(tried.squeeze.forces) > share * own
+            more = sum(eased_grip.squeeze.forces) > share * own
             low, high = (middle, high) if more else (low, middle)
         control = grip.squeeze.control + low * (opened - grip.squeeze.control)
         controls = tuple(float(f"{value:.4g}") for value in control)
-        tried = grip.closed_again(np.array(controls))
-        left, deep = sum(tried.squeeze.forces) / own, tried.depth_share
-        name = f"{left:.2g} times the squeeze"
-        drifts = tried.measure_drifts()
-        yield tried, TestedFix(name, "penetration", {}, drifts, deep, None, controls, cost=1.0)
+        eased_grip = grip.closed_again(np.array(controls))
+        force_share, deep = sum(eased_grip.squeeze.forces) / own, eased_grip.depth_share
+        name = f"{force_share:.2g} times the squeeze"
+        drifts = eased_grip.measure_drifts()
+        yield eased_grip, TestedFix(name, "penetration", {}, drifts, deep, None, controls, cost=1.0)
 
 
 def changed_settings(
     model: mujoco.MjModel, other: mujoco.MjModel, geoms: Sequence[int], fields: Sequence[str]
 ) -> dict[str, object]:
     """Return the options, and the fields of geoms, that differ between two models."""
-    found = {name: read_option(other, name) for name in OPTIONS}
-    settings = {name: value for name, value in found.items() if value != read_option(model, name)}
+    option_values = {name: read_option(other, name) for name in OPTIONS}
+    settings = {
+        name: value for name, value in option_values.items() if value != read_option(model, name)
+    }
     for field in fields:
         for geom in geoms:
             old, new = getattr(model, field)[geom], getattr(other, field)[geom]
@@ -241,9 +246,9 @@ def changed_settings(
     return settings
 
 
-def weakest_finger_force(held: Squeeze) -> float:
+def weakest_finger_force(squeeze: Squeeze) -> float:
     """Return the force of the finger that presses least, of those that press [N]."""
-    return min((force for force in held.forces if force > 0), default=0.0)
+    return min((force for force in squeeze.forces if force > 0), default=0.0)
 
 
 def double_squeeze(grip: Grip) -> tuple[Floats, float] | None:
@@ -261,10 +266,10 @@ def double_squeeze(grip: Grip) -> tuple[Floats, float] | None:
     factor = 2.0
     best, most = control, own
     for share in (0.125, 0.25, 0.5, 1.0):  # of the way to the end of the control ranges
-        tried = control + share * (target - control)
-        force = sum(grip.with_control(tried).squeeze.forces)
+        new_control = control + share * (target - control)
+        force = sum(grip.with_control(new_control).squeeze.forces)
         if force > most:
-            best, most = tried, force
+            best, most = new_control, force
         if most >= factor * own:
             break
     return (best, most / own) if most > own * (1 + _LEAST_SQUEEZE) else None
@@ -279,9 +284,9 @@ def _squeezing_ends(grip: Grip, ends: Floats, own: float, *, opens: bool = False
             if end == target[control]:
                 continue
             # A twentieth of the way shows the sign, and moves little else.
-            tried = grip.squeeze.control.copy()
-            tried[control] += (end - tried[control]) / 20
-            more = (sum(close(tried).squeeze.forces) - own) * (-1 if opens else 1)
+            new_control = grip.squeeze.control.copy()
+            new_control[control] += (end - new_control[control]) / 20
+            more = (sum(close(new_control).squeeze.forces) - own) * (-1 if opens else 1)
             if 20 * more > _LEAST_SQUEEZE * own:
                 target[control] = end
                 break

@@ -128,12 +128,12 @@ def judge_grip(request: GripRequest) -> GripReport:
         ]
         begin_step("pulling it out")
         direction, pull = pull_object(grip.fixture, grip.squeeze, grip.load, across)
-        tried = list[TestedFix]()
+        tested_fixes = list[TestedFix]()
         if word != "holds" and request.fixes:
             request.notify(f"it {word}; testing fixes")
             begin_step("testing fixes")
-            tried = run_fixes(grip, request.tolerance)
-        fixes = _fix_rows(request, drifts, tried)
+            tested_fixes = run_fixes(grip, request.tolerance)
+        fixes = _fix_rows(request, drifts, tested_fixes)
         placements = (
             tuple(_placement_rows(setup, drifts, request.tolerance)) if request.placements else ()
         )
@@ -142,9 +142,9 @@ def judge_grip(request: GripRequest) -> GripReport:
 
     # The least speed over fixes, by the cause that they test.
     speeds = dict[str, float]()
-    for each in tried:
+    for each in tested_fixes:
         speeds[each.against] = min(speeds.get(each.against, math.inf), worst_speed(each.drifts))
-    known = GripEvidence(
+    evidence = GripEvidence(
         word=word,
         speed=worst_speed(drifts),
         idle=drifts[0].speed if setup.mounted_hand else 0.0,
@@ -155,7 +155,7 @@ def judge_grip(request: GripRequest) -> GripReport:
         speeds_with_fixes=speeds,
         tolerance=request.tolerance,
     )
-    why = tuple(GripCause(kind=kind, sentence=text) for kind, text in find_causes(known))
+    why = tuple(GripCause(kind=kind, sentence=text) for kind, text in find_causes(evidence))
 
     model = grip.fixture.model
     pressing = zip(
@@ -174,7 +174,7 @@ def judge_grip(request: GripRequest) -> GripReport:
             "The base of the hand is fixed to the world. Contacts of the base with the first "
             "links, which MuJoCo filters on an arm, are excluded."
         )
-    if tried and not any(each.against == "squeeze" for each in tried):
+    if tested_fixes and not any(each.against == "squeeze" for each in tested_fixes):
         notes.append("More squeeze was not tested, since the control ranges end here.")
     return GripReport(
         model=request.model,
@@ -190,12 +190,12 @@ def judge_grip(request: GripRequest) -> GripReport:
         controls=tuple(_control_rows(grip)),
         fingers=tuple(fingers),
         depth=grip.squeeze.depth,
-        depth_share=known.deep,
-        weight=known.weight,
+        depth_share=evidence.deep,
+        weight=evidence.weight,
         drifts=tuple(map(_drift_report, drifts)),
         shake=trials[0],
         turn=trials[1],
-        pull=GripPull(direction=direction, force=pull, weights=pull / known.weight),
+        pull=GripPull(direction=direction, force=pull, weights=pull / evidence.weight),
         placements=placements,
         causes=why,
         fixes=fixes,
@@ -205,13 +205,13 @@ def judge_grip(request: GripRequest) -> GripReport:
 
 def _compile_request(request: GripRequest) -> tuple[mujoco.MjModel, mujoco.MjSpec, tuple[str, ...]]:
     """Return a model, its specification with all parts named, and notes on its units."""
-    kept = list[mujoco.MjSpec]()
+    spec_copies = list[mujoco.MjSpec]()
     source = find_scene(request.model)
-    model = compile_model(source, {}, lambda spec: kept.append(spec.copy()))
-    reads_degrees = kept[0].compiler.degree and source.model.suffix != ".urdf"
+    model = compile_model(source, {}, lambda spec: spec_copies.append(spec.copy()))
+    reads_degrees = spec_copies[0].compiler.degree and source.model.suffix != ".urdf"
     messages = [message for _, message in find_radian_angles(model)] if reads_degrees else []
     notes = (f"{message} (contactlab lint), so all numbers here are wrong" for message in messages)
-    return model, kept[0], tuple(notes)
+    return model, spec_copies[0], tuple(notes)
 
 
 def _read_keyframe(request: GripRequest) -> _Setup:
@@ -219,46 +219,50 @@ def _read_keyframe(request: GripRequest) -> _Setup:
         raise SweepFileError("--squeeze would be ignored: a keyframe is judged with its controls")
     model, _, notes = _compile_request(request)
     assert request.keyframe is not None
-    fixture, held = find_held_object(model, request.keyframe, request.held_body, request.base)
-    grip = Grip(fixture, held, Load.of_object(fixture), ("up", "down"), None)
+    fixture, squeeze = find_held_object(model, request.keyframe, request.held_body, request.base)
+    grip = Grip(fixture, squeeze, Load.of_object(fixture), ("up", "down"), None)
     return _Setup(grip, None, None, notes)
 
 
 def _mount_and_close(request: GripRequest) -> _Setup:
-    given = read_object(request.held_body)
+    gripped_object = read_object(request.held_body)
     model, spec, notes = _compile_request(request)
     hand = find_hand(model, request.base)
-    mounted_hand = mount_hand(spec, model, hand, given.name if given.shape == "body" else "")
-    fixture = add_object(mounted_hand, given)
+    mounted_hand = mount_hand(
+        spec, model, hand, gripped_object.name if gripped_object.shape == "body" else ""
+    )
+    fixture = add_object(mounted_hand, gripped_object)
     closing = find_closing(fixture)
     centre = None
     if request.held_body is None:
-        given, fixture, held = _squeeze_default_object(mounted_hand, fixture, closing)
+        gripped_object, fixture, squeeze = _squeeze_default_object(mounted_hand, fixture, closing)
     else:
         box = replace(DEFAULT_OBJECT, size=(2 * float(fixture.half[0]), *DEFAULT_OBJECT.size[1:]))
-        is_box = given.shape == "box"
+        is_box = gripped_object.shape == "box"
         centre = None if is_box else pads_center(add_object(mounted_hand, box), closing)
-        held = squeeze_object(fixture, closing, centre)
+        squeeze = squeeze_object(fixture, closing, centre)
     if request.squeeze is not None:
         tolerance = 0.01  # of the force, relative
-        most = weakest_finger_force(held)
+        most = weakest_finger_force(squeeze)
         if not 0 < request.squeeze <= most * (1 + tolerance):
             raise SweepFileError(
                 f"--squeeze {request.squeeze:g}: the actuators give {most:.3g} N per finger at "
                 "the end of their range; write at most that"
             )
-        assert held.approach is not None
-        low, high, found = 0.0, 1.0, held
+        assert squeeze.approach is not None
+        low, high, best_squeeze = 0.0, 1.0, squeeze
         while (
-            abs(weakest_finger_force(found) - request.squeeze) > tolerance * request.squeeze
+            abs(weakest_finger_force(best_squeeze) - request.squeeze) > tolerance * request.squeeze
             and high - low > tolerance**2
         ):
             share = (low + high) / 2
-            found = close_at(fixture, closing, held.approach, closing.control_at(share))
+            best_squeeze = close_at(fixture, closing, squeeze.approach, closing.control_at(share))
             low, high = (
-                (low, share) if weakest_finger_force(found) > request.squeeze else (share, high)
+                (low, share)
+                if weakest_finger_force(best_squeeze) > request.squeeze
+                else (share, high)
             )
-        held = found
+        squeeze = best_squeeze
     load = Load.of_all(fixture, gravity_magnitude(model))
 
     def close_again(changed: GripFixture) -> tuple[Closing, Squeeze]:
@@ -266,8 +270,8 @@ def _mount_and_close(request: GripRequest) -> _Setup:
         return own, squeeze_object(changed, own, centre)
 
     directions = ("out of the hand", "into the hand")
-    grip = Grip(fixture, held, load, directions, closing, close_again)
-    return _Setup(grip, mounted_hand, given, notes)
+    grip = Grip(fixture, squeeze, load, directions, closing, close_again)
+    return _Setup(grip, mounted_hand, gripped_object, notes)
 
 
 def _squeeze_default_object(
@@ -276,10 +280,12 @@ def _squeeze_default_object(
     """Return the first scale of the default object that the opened fingers have room for."""
     scales = 1.0, 0.75, 0.5
     for factor in scales:
-        tried = fit_object(fixture, closing, factor)
-        other = fixture if tried == DEFAULT_OBJECT else add_object(mounted_hand, tried)
+        fitted_object = fit_object(fixture, closing, factor)
+        other = (
+            fixture if fitted_object == DEFAULT_OBJECT else add_object(mounted_hand, fitted_object)
+        )
         try:
-            return tried, other, squeeze_object(other, closing)
+            return fitted_object, other, squeeze_object(other, closing)
         except SceneError:
             if factor == scales[-1]:
                 raise
@@ -344,19 +350,19 @@ def _placement_rows(
     for name, axis in (("half a width aside", 1), ("half a length further out", 2)):
         offset = turn[:, axis] * fixture.half[axis]
         approach = replace(begun, point=begun.point + offset / 2, turn=turn)
-        held = close_at(fixture, grip.closing, approach, grip.squeeze.control)
-        moved = replace(grip, squeeze=replace(held, turn=turn))
+        squeeze = close_at(fixture, grip.closing, approach, grip.squeeze.control)
+        moved = replace(grip, squeeze=replace(squeeze, turn=turn))
         yield _placement_row(name, moved, moved.measure_drifts(), within)
     if setup.given_object is None or setup.given_object.shape in ("body", "mesh"):
         return
     for name, factor in (("a tenth smaller", 0.9), ("a tenth larger", 1.1)):
         other = add_object(setup.mounted_hand, setup.given_object.scale_extents(factor))
         try:
-            held = squeeze_object(other, grip.closing, grip.squeeze.points.mean(axis=0))
+            squeeze = squeeze_object(other, grip.closing, grip.squeeze.points.mean(axis=0))
         except SceneError:
             continue  # it does not fit between the fingers, or they do not close as far
         sized = replace(
-            grip, fixture=other, squeeze=held, load=Load.of_all(other, grip.load.gravity)
+            grip, fixture=other, squeeze=squeeze, load=Load.of_all(other, grip.load.gravity)
         )
         yield _placement_row(name, sized, sized.measure_drifts(), within)
 
@@ -371,22 +377,22 @@ def _placement_row(name: str, grip: Grip, drifts: Sequence[Drift], within: float
 
 
 def _fix_rows(
-    request: GripRequest, drifts: Sequence[Drift], tried: Sequence[TestedFix]
+    request: GripRequest, drifts: Sequence[Drift], tested_fixes: Sequence[TestedFix]
 ) -> tuple[GripFix, ...]:
     """Return the tested fixes: those that hold first, then by time, then by simplicity."""
     worse_speeds = 1.1  # ratio of speeds that count as worse
     speed, own = worst_speed(drifts), [drift.speeds for drift in drifts]
 
     def use(place: int) -> tuple[bool, float, float]:
-        each = tried[place]
+        each = tested_fixes[place]
         holds = each.verdict(request.tolerance) == "holds"
         cost = cost_class(each.cost)
         return not holds, cost if holds else worst_speed(each.drifts), place
 
-    made = list[GripFix]()
+    fix_rows = list[GripFix]()
     scenes = SceneLoader(Path())
-    for place in sorted(range(len(tried)), key=use):
-        each = tried[place]
+    for place in sorted(range(len(tested_fixes)), key=use):
+        each = tested_fixes[place]
         word = each.verdict(request.tolerance)
         lines, reason = (), ""
         if each.options and [drift.speeds for drift in each.drifts] == own:
@@ -396,7 +402,7 @@ def _fix_rows(
         elif each.controls and not request.keyframe:
             reason = "the file has no command to close: command less, or limit the force of the "
             reason += "actuators by forcerange"
-        elif word == "holds" and (each.options or each.controls) and len(made) < MOST_FIXES:
+        elif word == "holds" and (each.options or each.controls) and len(fix_rows) < MOST_FIXES:
             try:
                 scene = scenes.open(request.model).with_effects("all")
                 with temporary_folder() as folder:
@@ -404,21 +410,21 @@ def _fix_rows(
                     lines = write_model(scene, edits, Path(folder) / "changed").lines
             except SceneError as error:
                 reason = str(error).splitlines()[0]
-        left = worst_speed(each.drifts)
-        made.append(
+        new_speed = worst_speed(each.drifts)
+        fix_rows.append(
             GripFix(
                 name=each.name,
                 options=dict(each.options),  # pyright: ignore[reportArgumentType] - settings
                 keyframe_controls=each.controls if request.keyframe else (),
-                speed=left,
+                speed=new_speed,
                 verdict=word,
-                worse=left > worse_speeds * speed,
+                worse=new_speed > worse_speeds * speed,
                 time_ratio=each.time_ratio,
                 lines=lines,
                 no_patch_reason=reason,
             )
         )
-    return tuple(made)
+    return tuple(fix_rows)
 
 
 def edit_grip(

@@ -65,11 +65,11 @@ class Configuration:
 
     def apply_to(self, model: mujoco.MjModel) -> mujoco.MjModel:
         """Return a changed copy of a model, at the timestep of the model."""
-        made = copy.copy(model)
+        changed_copy = copy.copy(model)
         unread = int(model.opt.enableflags) & UNUSED_FLAGS
-        write_settings(made, dict(self.settings), _NO_TARGETS)
-        made.opt.enableflags |= unread
-        return made
+        write_settings(changed_copy, dict(self.settings), _NO_TARGETS)
+        changed_copy.opt.enableflags |= unread
+        return changed_copy
 
 
 def changed_settings(settings: Mapping[str, object], model: mujoco.MjModel) -> dict[str, object]:

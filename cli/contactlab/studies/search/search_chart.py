@@ -70,8 +70,8 @@ class Scale:
         powers = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
         digits = (1, 2, 5) if len(powers) < 5 else (1,)
         powers = [power for power in powers if power % (1 + len(powers) // 9) == 0]
-        found = [float(f"{digit}e{power}") for power in powers for digit in digits]
-        return [tick for tick in found if self.has_value(tick)]
+        candidates = [float(f"{digit}e{power}") for power in powers for digit in digits]
+        return [tick for tick in candidates if self.has_value(tick)]
 
 
 def draw_front(report: TuneReport, layout: FrontLayout | None = None) -> alt.TopLevelMixin:
@@ -100,14 +100,14 @@ def draw_front(report: TuneReport, layout: FrontLayout | None = None) -> alt.Top
     curves = [*_ladder_boxes(ladders, across, upward), *_span_boxes(points, across, upward)]
     boxes = _place_levels(levels, curves, upward, layout)
     lines = [*_level_lines(levels, upward, layout), *curves]
-    seen = [
+    rows_drawn = [
         row for row in ladders if across.has_value(row["time"]) and upward.has_value(row["error"])
     ]
-    colours = _integrator_colours({row["integrator"] for row in seen})
+    colours = _integrator_colours({row["integrator"] for row in rows_drawn})
     colour = word_colours("integrator", list(colours), list(colours.values())).title(None)
-    shown = layer_of("points", [_point_row(point, report, upward.low) for point in points]).encode(
-        x=x, y=y, color=colour
-    )
+    point_layer = layer_of(
+        "points", [_point_row(point, report, upward.low) for point in points]
+    ).encode(x=x, y=y, color=colour)
     ladder = layer_of("ladders", [row for row in ladders if row["integrator"] in colours]).encode(
         x=x, y=y, color=colour
     )
@@ -115,9 +115,9 @@ def draw_front(report: TuneReport, layout: FrontLayout | None = None) -> alt.Top
         *_level_layers(levels, boxes, layout, y),
         ladder.mark_line(opacity=0.35, strokeWidth=1.2, clip=True),
         ladder.mark_point(filled=True, size=14, opacity=0.45, clip=True),
-        shown.mark_rule(opacity=0.55).encode(y=alt.Y("low:Q"), y2="high:Q"),
-        shown.mark_rule(opacity=0.55).encode(x=alt.X("fast:Q"), x2="slow:Q"),
-        shown.mark_point(filled=True, size=80, opacity=1),
+        point_layer.mark_rule(opacity=0.55).encode(y=alt.Y("low:Q"), y2="high:Q"),
+        point_layer.mark_rule(opacity=0.55).encode(x=alt.X("fast:Q"), x2="slow:Q"),
+        point_layer.mark_point(filled=True, size=80, opacity=1),
         *_ring_layers(points, report, x, y),
         *_name_layers(points, across, upward, layout, (boxes, lines), x, y),
     ]
@@ -281,7 +281,7 @@ def _place_levels(
     levels: Rows, curves: Sequence[Box], upward: Scale, layout: FrontLayout
 ) -> list[Box]:
     # Boxes of texts: at the end of their line that is free, above it if there is room.
-    found, lines = list[Box](), [*_level_lines(levels, upward, layout)]
+    spots_taken, lines = list[Box](), [*_level_lines(levels, upward, layout)]
     for row, line in zip(levels, lines, strict=True):
         room = layout.letter * len(row["text"])
         others = [*curves, *(other for other in lines if other != line)]
@@ -290,17 +290,17 @@ def _place_levels(
             for top in (line[1] - layout.line, line[3] + 1)
             for left in (layout.width - room, 0.0)
         ]
-        found.append(
+        spots_taken.append(
             min(
                 spots,
                 key=lambda spot: (
                     sum(_overlap_area(spot, other) for other in others)
-                    + 5 * sum(_overlap_area(spot, other) for other in found)
+                    + 5 * sum(_overlap_area(spot, other) for other in spots_taken)
                     + _outside_penalty(spot, layout)
                 ),
             )
         )
-    return found
+    return spots_taken
 
 
 def _level_lines(levels: Rows, upward: Scale, layout: FrontLayout) -> Iterator[Box]:
@@ -365,7 +365,7 @@ def _name_layers(
         )
         for point in points
     ]
-    taken = [*texts, *((left - 6, top - 6, left + 6, top + 6) for left, top in places)]
+    occupied_boxes = [*texts, *((left - 6, top - 6, left + 6, top + 6) for left, top in places)]
     # Marked points come first: they are near each other.
     order = sorted(range(len(points)), key=lambda place: not points[place].marks)
     for place in order:
@@ -379,13 +379,13 @@ def _name_layers(
         align, dy, box = min(
             spots,
             key=lambda spot: (
-                sum(_overlap_area(spot[2], other) for other in taken)
+                sum(_overlap_area(spot[2], other) for other in occupied_boxes)
                 + 0.5 * sum(_overlap_area(spot[2], other) for other in lines)
                 + _outside_penalty(spot[2], layout)
                 + layout.line / 2 * abs(spot[1])
             ),
         )
-        taken.append(box)
+        occupied_boxes.append(box)
         shift = {"left": 11, "right": -11, "center": 0}[align]
         row = {"time": _time_of(point), "error": _error_of(point), "name": text}
         words = layer_of(f"name {place}", [row]).encode(x=x, y=y, text="name:N")

@@ -228,7 +228,7 @@ class Search:
     def _search_all(self) -> None:
         try:
             self.evaluate_current()
-            found = list[tuple[Bound, Configuration]]()
+            best_of_bounds = list[tuple[Bound, Configuration]]()
             for place, bound in enumerate(self.bounds):
                 self.bound = bound
                 self._work_limit = self.work_done + (self.work - self.work_done) / (
@@ -236,13 +236,13 @@ class Search:
                 )
                 try:
                     if best := self._search_bound():
-                        found.append((bound, best))
+                        best_of_bounds.append((bound, best))
                 except OutOfWorkError:
                     self.ending = "work"
             self._work_limit = self.work_done + self.front_work
             try:
                 self._search_ladders()
-                for self.bound, best in found:
+                for self.bound, best in best_of_bounds:
                     self._try_sleep(best)
                 self._search_between()
             except OutOfWorkError:
@@ -293,8 +293,8 @@ class Search:
                 multiple
                 for multiple in self.space.steps
                 if multiple >= self.space.substeps
-                and (known := self.evaluations.get(other.with_step(multiple).key))
-                and error_of(known) <= self.front_limit
+                and (evaluation := self.evaluations.get(other.with_step(multiple).key))
+                and error_of(evaluation) <= self.front_limit
             ]
             both = dict.fromkeys((self.space.substeps, max(within, default=self.space.substeps)))
             if all(
@@ -311,20 +311,26 @@ class Search:
         # A setting is first tried at one step; at others it may save as much, with less error.
         crossed = set[Key]()
         while True:
-            known = [one for one in self.evaluations.values() if error_of(one) <= self.front_limit]
-            points = find_undominated(known)
+            accurate = [
+                one for one in self.evaluations.values() if error_of(one) <= self.front_limit
+            ]
+            points = find_undominated(accurate)
             pairs = [
                 (point, self._combine_settings(point.configuration, other.configuration))
                 for point, other in itertools.product(points, points)
             ]
-            new = [(point, made) for point, made in pairs if made.key not in self.evaluations]
-            new = [(point, made) for point, made in new if made.key not in crossed]
+            new = [
+                (point, crossing)
+                for point, crossing in pairs
+                if crossing.key not in self.evaluations
+            ]
+            new = [(point, crossing) for point, crossing in new if crossing.key not in crossed]
             if not new:
                 return
-            for point, made in new:
-                crossed.add(made.key)
-                if self._saves_work(made, point.configuration) and self._can_afford(made):
-                    self._evaluate_choice(made)
+            for point, crossing in new:
+                crossed.add(crossing.key)
+                if self._saves_work(crossing, point.configuration) and self._can_afford(crossing):
+                    self._evaluate_choice(crossing)
 
     @staticmethod
     def _combine_settings(choice: Configuration, other: Configuration) -> Configuration:
@@ -360,16 +366,16 @@ class Search:
         for multiple in reversed([each for each in self.space.steps if each < cheap.multiple]):
             if self._cost_of(base.with_step(multiple)) > most_cost:
                 break
-            tried = self._evaluate_choice(base.with_step(multiple))
+            evaluation = self._evaluate_choice(base.with_step(multiple))
             # Half of what a method of first order gains.
             most = math.sqrt(multiple / best.configuration.multiple) * error_of(best)
-            if error_of(tried) > most:
+            if error_of(evaluation) > most:
                 for other in (exact, self._with_converged_solver(exact)):
-                    if self._added_error(base, other) > settings_share * error_of(tried):
+                    if self._added_error(base, other) > settings_share * error_of(evaluation):
                         base = other
-                        tried = self._evaluate_choice(base.with_step(multiple))
-            if error_of(tried) <= most:
-                best = tried
+                        evaluation = self._evaluate_choice(base.with_step(multiple))
+            if error_of(evaluation) <= most:
+                best = evaluation
             elif useless_finer * multiple <= best.configuration.multiple:
                 break
 
@@ -400,21 +406,28 @@ class Search:
 
     def rank_candidates(self, bound: Bound) -> list[Evaluation]:
         """Return the candidates within a bound, the best first; ties go to the simpler one."""
-        known = [
+        measured_candidates = [
             one
             for one in self.evaluations.values()
             if one.error and self.keeps_margin(one, bound.accepted)
         ]
         if self.max_cost is not None:
-            return sorted((one for one in known if one.cost <= self.max_cost), key=error_of)
+            return sorted(
+                (one for one in measured_candidates if one.cost <= self.max_cost), key=error_of
+            )
         return sorted(
-            (one for one in known if error_of(one) <= bound.accepted), key=self._rank_tried
+            (one for one in measured_candidates if error_of(one) <= bound.accepted),
+            key=self._rank_tried,
         )
 
-    def _rank_tried(self, tried: Evaluation) -> tuple[float, int]:
+    def _rank_tried(self, evaluation: Evaluation) -> tuple[float, int]:
         # Costs within the smallest saving are ties.
-        level = round(math.log(tried.cost) / math.log(1 / SAVING)) if tried.cost > 0 else -(10**6)
-        return level, self.count_changes(tried.configuration)
+        level = (
+            round(math.log(evaluation.cost) / math.log(1 / SAVING))
+            if evaluation.cost > 0
+            else -(10**6)
+        )
+        return level, self.count_changes(evaluation.configuration)
 
     def count_changes(self, choice: Configuration) -> int:
         """Return the number of changed lines of a configuration, as far as known."""
@@ -422,12 +435,12 @@ class Search:
         own = changed_settings(choice.settings, self.space.model)
         return len(own) + step + len(choice.reductions)
 
-    def keeps_margin(self, tried: Evaluation, accepted: float) -> bool:
+    def keeps_margin(self, evaluation: Evaluation, accepted: float) -> bool:
         """Return whether a timestep is far enough below those that failed with its settings.
 
         Steps fail whose error is larger than `accepted`.
         """
-        choice = tried.configuration
+        choice = evaluation.configuration
         if choice.multiple <= self.space.substeps:
             return True
         failed = (
@@ -445,36 +458,36 @@ class Search:
         For an error: the cheapest within the limit that did not fail on fresh seeds, since the time
         limit left it unverified; otherwise the one with the least error.
         """
-        known = [one for one in self.evaluations.values() if one.error]
+        measured_candidates = [one for one in self.evaluations.values() if one.error]
         if self.max_cost is not None:
-            return min(known, key=cost_of, default=None)
+            return min(measured_candidates, key=cost_of, default=None)
         likely = [
             one
             for one in self.rank_candidates(Bound.of(limit))
             if one.configuration.key not in failed
         ]
-        return next(iter(likely), None) or min(known, key=error_of, default=None)
+        return next(iter(likely), None) or min(measured_candidates, key=error_of, default=None)
 
     def evaluate(self, choice: Configuration) -> Evaluation:
         """Evaluate a configuration after the search, without limits."""
         self._work_limit, self.is_late = math.inf, bool
         return self._evaluate_choice(choice)
 
-    def shorter_steps(self, tried: Evaluation) -> Iterator[Configuration]:
+    def shorter_steps(self, evaluation: Evaluation) -> Iterator[Configuration]:
         """Yield a configuration at ever shorter usable steps."""
         for multiple in reversed(self.space.steps):
-            if multiple < tried.configuration.multiple:
-                yield tried.configuration.with_step(multiple)
+            if multiple < evaluation.configuration.multiple:
+                yield evaluation.configuration.with_step(multiple)
 
     def without_lossy(self, choice: Configuration) -> Configuration:
         """Return a configuration without settings that add error, except integrator and step."""
         lossless = self._lossless_base.settings
-        kept = {
+        kept_settings = {
             name: value if name == INTEGRATOR else lossless[name]
             for name, value in choice.settings.items()
             if name == INTEGRATOR or name in lossless
         }
-        return replace(choice, settings=kept)
+        return replace(choice, settings=kept_settings)
 
     def _check_limits(self) -> None:
         if self.is_late():
@@ -490,8 +503,8 @@ class Search:
         self._cost_of(choice)
         if entry.error is None:
             self._check_limits()
-            found = self.estimator.estimate_error(self.space.model_of(choice), choice.multiple)
-            entry.error = found
+            estimate = self.estimator.estimate_error(self.space.model_of(choice), choice.multiple)
+            entry.error = estimate
             self.work_done += self._count_work(choice)
             finish_step(self._progress, self.work_done - self._progress.finished_steps)
         return entry
@@ -531,9 +544,9 @@ class Search:
         base = self._exact_base
         base = self._with_faster_base(base)
         own = self._error_of(base)
-        kept = [bound.accepted for bound in self.bounds if own <= bound.accepted]
+        accepted_errors = [bound.accepted for bound in self.bounds if own <= bound.accepted]
         most = own + _LOSSLESS_SHARE * min(bound.limit for bound in self.bounds)
-        most = min([most, *kept])
+        most = min([most, *accepted_errors])
         with suppress(OutOfWorkError):
             base = self._add_parameters(
                 base, self.space.parameters, lambda one: self._error_of(one) <= most
@@ -576,9 +589,9 @@ class Search:
             self.work_done += self._cost_of(choice)
             return True
 
-        found = self._add_parameters(exact, self.space.parameters, moves_alike)
-        self._evaluate_choice(found).exact = True
-        return found
+        fastest_exact = self._add_parameters(exact, self.space.parameters, moves_alike)
+        self._evaluate_choice(fastest_exact).exact = True
+        return fastest_exact
 
     def _with_faster_base(self, base: Configuration) -> Configuration:
         """Return a configuration with Newton's solver, and with simplified hulls on request.
@@ -619,17 +632,22 @@ class Search:
         Each value is counted and measured alone, then all are combined. A value that is not good in
         the combination, or saves nothing in it, is dropped.
         """
-        found = list[tuple[float, Settings]]()
+        costs_of_settings = list[tuple[float, Settings]]()
         ended = False
         try:
             for parameter in parameters:
                 if settings := self._best_value(base, parameter, good):
-                    found.append((self._cost_of(base.with_settings(settings)), settings))
+                    costs_of_settings.append(
+                        (self._cost_of(base.with_settings(settings)), settings)
+                    )
         except OutOfWorkError:
             # Good values of a slow model are worth little alone.
-            ended, self._work_limit = True, self.work_done + sum(cost for cost, _ in found)
+            ended, self._work_limit = (
+                True,
+                self.work_done + sum(cost for cost, _ in costs_of_settings),
+            )
         both = base
-        for _, settings in sorted(found, key=lambda pair: pair[0]):
+        for _, settings in sorted(costs_of_settings, key=lambda pair: pair[0]):
             more = both.with_settings(settings)
             if self._saves_work(more, both) and good(more):
                 both = more
@@ -644,9 +662,11 @@ class Search:
 
         If no value of all geoms together is good, geoms are tried one by one.
         """
-        made = self.space.model_of(base)
+        model_of_base = self.space.model_of(base)
         choices = [
-            base.with_settings(value) for value in parameter.values if changed_settings(value, made)
+            base.with_settings(value)
+            for value in parameter.values
+            if changed_settings(value, model_of_base)
         ]
         if parameter.cost_falls and choices and not self._saves_work(choices[-1], base):
             return {}
@@ -663,8 +683,8 @@ class Search:
             saved = share * (1 - self._cost_of(cheapest) / self._cost_of(base))
             # Few of many geoms save too little.
             alone = alone[:_MOST_GEOMS] if saved > 1 - SAVING else []
-            if kept := [each for each in alone if good(base.with_settings(each))]:
-                return dict(ChainMap(*map(dict, kept)))
+            if good_values := [each for each in alone if good(base.with_settings(each))]:
+                return dict(ChainMap(*map(dict, good_values)))
         return {}
 
     def _drop_useless(self, choice: Configuration, most: float | None = None) -> Configuration:
@@ -687,8 +707,14 @@ class Search:
     ) -> list[Callable[[Configuration], Configuration | None]]:
         def without_settings(names: Sequence[str]) -> Callable[..., Configuration | None]:
             def drop(own: Configuration) -> Configuration | None:
-                kept = {key: value for key, value in own.settings.items() if key not in names}
-                return replace(own, settings=kept) if len(kept) < len(own.settings) else None
+                other_settings = {
+                    key: value for key, value in own.settings.items() if key not in names
+                }
+                return (
+                    replace(own, settings=other_settings)
+                    if len(other_settings) < len(own.settings)
+                    else None
+                )
 
             return drop
 
@@ -708,9 +734,9 @@ class Search:
         for name in self.space.integrators:
             own = changed_settings({INTEGRATOR: name}, model)
             choice = base.with_settings(own) if own else base
-            found = self._longest_step(choice, best)
-            if found and (best is None or self._saves_work(found, best)):
-                best = found
+            longest = self._longest_step(choice, best)
+            if longest and (best is None or self._saves_work(longest, best)):
+                best = longest
         return best
 
     def _longest_step(
@@ -723,32 +749,32 @@ class Search:
         """
         own = self.current.multiple
         longer = [multiple for multiple in self.space.steps if multiple >= own]
-        found, failed = None, 0
+        longest, failed = None, 0
         for multiple in longer:
-            tried = choice.with_step(multiple)
-            if best is not None and not self._saves_work(tried, best):
+            candidate = choice.with_step(multiple)
+            if best is not None and not self._saves_work(candidate, best):
                 continue
-            if self._is_within_bound(tried):
-                found, failed = tried, 0
+            if self._is_within_bound(candidate):
+                longest, failed = candidate, 0
             else:
                 failed += 1
                 # After two failed timesteps in a row, longer ones are not tried.
                 if failed == 2 or multiple == own:
                     break
-        if found:
-            return self._with_margin(found)
+        if longest:
+            return self._with_margin(longest)
         for multiple in reversed([each for each in self.space.steps if each < own]):
-            tried = choice.with_step(multiple)
-            if best is not None and not self._saves_work(tried, best):
+            candidate = choice.with_step(multiple)
+            if best is not None and not self._saves_work(candidate, best):
                 return None
-            if self._is_within_bound(tried):
-                return tried
+            if self._is_within_bound(candidate):
+                return candidate
         return None
 
-    def _with_margin(self, found: Configuration) -> Configuration | None:
+    def _with_margin(self, longest: Configuration) -> Configuration | None:
         """Return a configuration at this step, or at the next one that keeps the margin."""
-        for multiple in reversed([each for each in self.space.steps if each <= found.multiple]):
-            choice = found.with_step(multiple)
+        for multiple in reversed([each for each in self.space.steps if each <= longest.multiple]):
+            choice = longest.with_step(multiple)
             if self._is_within_bound(choice) and self.keeps_margin(
                 self._evaluate_choice(choice), self.bound.accepted
             ):
@@ -800,7 +826,7 @@ def find_usable_steps(
         longest: longest timestep [s].
         period: of the controller [s], if there is one.
     """
-    found = {round(own / fine)}
+    multiples = {round(own / fine)}
     for multiple in range(1, max(1, math.floor(longest / fine * (1 + SUM_ROUNDING))) + 1):
         step = multiple * fine
         if period is not None:
@@ -811,8 +837,8 @@ def find_usable_steps(
             related = not _is_round(own) and (_is_whole(own / step) or doubled)
             usable = _is_round(step) or related
         if usable:
-            found.add(multiple)
-    return tuple(sorted(found))
+            multiples.add(multiple)
+    return tuple(sorted(multiples))
 
 
 def _is_whole(ratio: float) -> bool:
@@ -827,19 +853,19 @@ def _is_round(step: float) -> bool:
 
 def find_undominated(candidates: Iterable[Evaluation]) -> list[Evaluation]:
     """Return the candidates that no other one beats in error and cost, the most accurate first."""
-    kept, best = list[Evaluation](), math.inf
+    undominated, best = list[Evaluation](), math.inf
     for one in sorted(candidates, key=lambda one: (cost_of(one), error_of(one))):
         if error_of(one) < best:
-            kept.append(one)
+            undominated.append(one)
             best = error_of(one)
-    return kept[::-1]
+    return undominated[::-1]
 
 
-def cost_of(tried: Evaluation) -> float:
+def cost_of(evaluation: Evaluation) -> float:
     """Return the counted cost of an evaluation; infinite if it was not counted."""
-    return tried.cost
+    return evaluation.cost
 
 
-def error_of(tried: Evaluation) -> float:
+def error_of(evaluation: Evaluation) -> float:
     """Return the error of an evaluation; infinite if it was not measured."""
-    return tried.error.error if tried.error else math.inf
+    return evaluation.error.error if evaluation.error else math.inf

@@ -82,12 +82,14 @@ def _list_facts(report: TuneReport) -> Iterator[tuple[str, str]]:
         yield "motion", target.divergence
     yield "search", f"{ending_text(report)}, {report.seconds:.0f} s"
     yield "speed", f"{format_amount(report.real_time)}x real time as written, on one core"
-    known = list[str]()
+    known_parts = list[str]()
     for each in report.uncertainty:
         parameter, _, share = each.name.partition(" ")
-        known.append(f"{format_percent(each.error)} ({parameter} known to {share}, {each.body})")
-    if known:
-        yield "model", f"known to {' and '.join(known)}"
+        known_parts.append(
+            f"{format_percent(each.error)} ({parameter} known to {share}, {each.body})"
+        )
+    if known_parts:
+        yield "model", f"known to {' and '.join(known_parts)}"
     if why := no_speedup_text(report):
         yield "limits", why
 
@@ -258,5 +260,5 @@ def _written_files(report: TuneReport, folder: Path | None) -> Iterator[Block]:
         yield Sentence(f"wrote {folder / report.file}{patch} and {REPORT}")
     else:
         yield Sentence(f"{REPORT} in {folder}")
-    if written := [*picked, *([report.file] if report.file else [])]:
-        yield Code((f"next: contactlab {shell_word(folder / written[0])}",), indent=0)
+    if file_names := [*picked, *([report.file] if report.file else [])]:
+        yield Code((f"next: contactlab {shell_word(folder / file_names[0])}",), indent=0)

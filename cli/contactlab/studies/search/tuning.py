@@ -110,7 +110,7 @@ def tune_model(
     request: TuneRequest,
     session: Session,
     spent: float = 0.0,
-    known: TuneReport | None = None,
+    cached_report: TuneReport | None = None,
 ) -> TuneReport:
     """Search for settings that meet a target, write the model with them, and verify it.
 
@@ -134,7 +134,7 @@ def tune_model(
     session.notify(f"tuning {request.model}: {examined.task.line}")
     problem = TuningProblem(request, examined, max(1, session.workers), allowed)
     study = TuningStudy(request, session, problem, allowed)
-    report = study.run_study() if known is None else known
+    report = study.run_study() if cached_report is None else cached_report
     if request.pick is not None:
         report = study.pick_point(report, request.pick)
     session.write({REPORT: report.model_dump_json(indent=2) + "\n"})
@@ -156,8 +156,8 @@ class TuningStudy:
         self._time_limit, self._begin = allowed, time.monotonic()
         self._clock = Clock(problem.reference, problem.model)
         motions = problem.motions
-        parameters, kept = find_parameters(problem.own_model, motions)
-        self._skipped = [*problem.skipped, *kept]
+        parameters, unchanged = find_parameters(problem.own_model, motions)
+        self._skipped = [*problem.skipped, *unchanged]
         space = SearchSpace(
             problem.models,
             problem.start,
@@ -262,8 +262,8 @@ class TuningStudy:
             bound = Bound.of(limit).or_as_current(now)
             return [Goal(bound, FOLDER, allows_error=self._target.kind == "error")]
         as_current = Goal(Bound.as_current(now), EQUAL_ERROR_FOLDER, must_be_sound=False)
-        asked = Goal(Bound.of(limit), FOLDER, allows_error=self._target.kind == "error")
-        return [as_current, asked]
+        requested_goal = Goal(Bound.of(limit), FOLDER, allows_error=self._target.kind == "error")
+        return [as_current, requested_goal]
 
     def run_study(self) -> TuneReport:
         """Search, write and verify candidates, and return the report."""
@@ -278,17 +278,17 @@ class TuningStudy:
 
     def _verify_and_report(self) -> TuneReport:
         search, verifier = self._search, self._verifier
-        known = verifier.current
+        current = verifier.current
         points = self._session.folder.glob(POINT_FOLDER.format(number="*"))
         for folder in (FOLDER, EQUAL_ERROR_FOLDER, *points):
             rmtree(self._session.folder / folder, ignore_errors=True)
         best, as_current = self._verify_goals()
-        met = best is not None or self._meets_target(known)
-        nearest = None if met else search.closest_to(self._target.limit, verifier.rejected)
-        made = [answer for answer in (best, as_current) if answer]
+        is_met = best is not None or self._meets_target(current)
+        nearest = None if is_met else search.closest_to(self._target.limit, verifier.rejected)
+        answers_found = [answer for answer in (best, as_current) if answer]
         front = self._describe_front(best, as_current)
-        used = any(point.candidate.removes_unused for point in front)
-        edits = self._problem.unused if used else ModelEdits()
+        removes_unused = any(point.candidate.removes_unused for point in front)
+        edits = self._problem.unused if removes_unused else ModelEdits()
         report = TuneReport(
             model=self._request.model,
             scene_hash=self._problem.examined.scene.hash,
@@ -296,12 +296,12 @@ class TuningStudy:
             task=self._problem.examined.task,
             target=self._target,
             sentence="",
-            target_met=met,
-            current=self._describe_candidate(known),
+            target_met=is_met,
+            current=self._describe_candidate(current),
             current_verdict=verifier.current_verdict(),
             recommended=self._describe_candidate(best.evaluation) if best else None,
-            far_pairs=self._report_far_pairs([answer.evaluation for answer in made]),
-            simplified_hulls=self._report_hulls(made),
+            far_pairs=self._report_far_pairs([answer.evaluation for answer in answers_found]),
+            simplified_hulls=self._report_hulls(answers_found),
             closest=self._describe_candidate(nearest) if nearest else None,
             limiting_factor=self._limiting_factor(nearest) if nearest else "",
             unconstrained_cost=self._unconstrained_cost(
@@ -346,31 +346,31 @@ class TuningStudy:
         Raises:
             SweepFileError: the front has no such point.
         """
-        known = {point.number: point for point in report.front}
-        if number not in known:
+        points_by_number = {point.number: point for point in report.front}
+        if number not in points_by_number:
             raise SweepFileError(
-                f"--pick {number}: the front has {len(known)} points. Write a number from 1 to "
-                f"{len(known)}"
+                f"--pick {number}: the front has {len(points_by_number)} points. Write a number "
+                f"from 1 to {len(points_by_number)}"
             )
-        point = known[number]
+        point = points_by_number[number]
         if point.state == "not verified":
             point = self._verify_point(point)
         front = tuple(point if one.number == number else one for one in report.front)
         return report.model_copy(update={"front": front, "picked": number})
 
     def _verify_point(self, point: FrontPoint) -> FrontPoint:
-        tried = self._search.evaluate(self._configuration_of(point.candidate))
+        evaluation = self._search.evaluate(self._configuration_of(point.candidate))
         folder = POINT_FOLDER.format(number=point.number)
-        answer = self._verifier.verify_point(tried, folder)
+        answer = self._verifier.verify_point(evaluation, folder)
         if answer is None:
             reason = self._verifier.skipped[-1].reason
             return point.model_copy(update={"verification": reason})
-        found = answer.verification
+        verification = answer.verification
         return point.model_copy(
             update={
-                "state": "verified" if found.holds else "failed",
-                "verification": found.sentence,
-                "verified": found,
+                "state": "verified" if verification.holds else "failed",
+                "verification": verification.sentence,
+                "verified": verification,
                 "file": self._file_of(answer),
             }
         )
@@ -394,14 +394,14 @@ class TuningStudy:
             for name, answer in (("recommended", best), ("equal error", as_current))
             if answer is not None
         }
-        made = [answer.evaluation for answer in answers.values()]
-        points, errors = self._choose_points([verifier.current, *made])
+        verified_ones = [answer.evaluation for answer in answers.values()]
+        points, errors = self._choose_points([verifier.current, *verified_ones])
         self._time_points(points)
         rows = zip(self._name_points(points), points, errors, strict=True)
         by_error = drop_slower(
             sorted(rows, key=lambda row: row[2].error),
             lambda row: self._time_share(row[1]),
-            {one.configuration.key for one in (verifier.current, *made)},
+            {one.configuration.key for one in (verifier.current, *verified_ones)},
         )
         return tuple(
             self._describe_point(number, name, one, error, answers)
@@ -420,16 +420,16 @@ class TuningStudy:
         search, plan = self._search, _SEED_PLAN
         if self._request.error_at is not None:  # the largest of all seeds grows with their number
             plan = replace(plan, pilot=self._problem.seeds, most=self._problem.seeds)
-        known = [one for one in search.evaluations.values() if one.error]
-        known = [one for one in known if search.keeps_margin(one, search.front_limit)]
+        candidates = [one for one in search.evaluations.values() if one.error]
+        candidates = [one for one in candidates if search.keeps_margin(one, search.front_limit)]
         first = max(self._problem.task.seeds) + 1
-        contenders = self._choose_contenders(known, marked)
+        contenders = self._choose_contenders(candidates, marked)
         count = min(plan.pilot, self._affordable_seeds(contenders, plan.pilot_share))
         has_pilot = count == plan.pilot
         if not has_pilot:
             count = min(plan.pilot, self._affordable_seeds(contenders, 1.0))
         if count < self._problem.seeds or not self._has_time(contenders, count):
-            points = choose_front(known, marked, search.front_limit)
+            points = choose_front(candidates, marked, search.front_limit)
             return points, [one.error for one in points if one.error]
         errors = self._measure_errors(contenders, first, count)
         if not has_pilot:
@@ -438,16 +438,16 @@ class TuningStudy:
         piloted = self._with_errors(contenders, errors)
         finalists = choose_contenders(piloted, marked, self._limit_front(piloted), rules)
         spread = max(error.relative_spread for error in errors)
-        wanted = max(plan.pilot, math.ceil((spread / plan.precision) ** 2))
-        more = min(wanted, self._affordable_seeds(finalists, 1 - plan.pilot_share), plan.most)
+        needed_seeds = max(plan.pilot, math.ceil((spread / plan.precision) ** 2))
+        more = min(needed_seeds, self._affordable_seeds(finalists, 1 - plan.pilot_share), plan.most)
         if more >= count and self._has_time(finalists, more):
             own = {one.configuration.key: one for one in contenders}
             contenders = [own[one.configuration.key] for one in finalists]
             errors = self._measure_errors(contenders, first + count, more)
         return self._choose_measured(contenders, errors, marked)
 
-    def _limit_front(self, measured: Sequence[Evaluation]) -> float:
-        own = (error_of(one) for one in measured if one.configuration == self._search.current)
+    def _limit_front(self, evaluations: Sequence[Evaluation]) -> float:
+        own = (error_of(one) for one in evaluations if one.configuration == self._search.current)
         return max([self._search.front_limit, *filter(math.isfinite, own)])
 
     @staticmethod
@@ -458,14 +458,14 @@ class TuningStudy:
         return [replace(one, error=error) for one, error in pairs]
 
     def _choose_contenders(
-        self, known: Sequence[Evaluation], marked: Sequence[Evaluation]
+        self, candidates: Sequence[Evaluation], marked: Sequence[Evaluation]
     ) -> list[Evaluation]:
         rules, limit = FrontRules(), self._search.front_limit
         while True:
-            found = choose_contenders(known, marked, limit, rules)
-            seeds = self._affordable_seeds(found, _SEED_PLAN.pilot_share)
+            contenders = choose_contenders(candidates, marked, limit, rules)
+            seeds = self._affordable_seeds(contenders, _SEED_PLAN.pilot_share)
             if seeds >= _SEED_PLAN.pilot or rules.contenders <= rules.most:
-                return found
+                return contenders
             rules = replace(rules, contenders=rules.contenders - 2)
 
     def _choose_measured(
@@ -475,10 +475,10 @@ class TuningStudy:
         marked: Sequence[Evaluation],
     ) -> tuple[list[Evaluation], list[ErrorEstimate]]:
         own = {one.configuration.key: one for one in candidates}
-        measured = self._with_errors(candidates, errors)
+        measured_candidates = self._with_errors(candidates, errors)
         keys = {one.configuration.key for one in marked}
-        fixed = [one for one in measured if one.configuration.key in keys]
-        points = choose_front(measured, fixed, self._limit_front(measured))
+        fixed = [one for one in measured_candidates if one.configuration.key in keys]
+        points = choose_front(measured_candidates, fixed, self._limit_front(measured_candidates))
         return [own[one.configuration.key] for one in points], [
             one.error for one in points if one.error
         ]
@@ -524,20 +524,20 @@ class TuningStudy:
             for one in candidates
         ]
 
-    def _time_share(self, tried: Evaluation) -> float:
-        if tried.configuration.key == self._search.current.key:
+    def _time_share(self, evaluation: Evaluation) -> float:
+        if evaluation.configuration.key == self._search.current.key:
             return 1.0
-        return tried.time_ratio.ratio if tried.time_ratio else tried.cost
+        return evaluation.time_ratio.ratio if evaluation.time_ratio else evaluation.cost
 
     def _describe_point(
         self,
         number: int,
         name: str,
-        tried: Evaluation,
+        evaluation: Evaluation,
         error: ErrorEstimate,
         answers: Mapping[str, VerifiedCandidate],
     ) -> FrontPoint:
-        key = tried.configuration.key
+        key = evaluation.configuration.key
         own = {
             mark: answer
             for mark, answer in answers.items()
@@ -552,15 +552,15 @@ class TuningStudy:
             number=number,
             name=name,
             marks=("as written",) * is_current + tuple(own),
-            candidate=self._describe_candidate(tried),
+            candidate=self._describe_candidate(evaluation),
             error=error.error,
             error_low=low,
             error_high=high,
             error_seeds=len(error.shares),
-            real_time=1 / self._clock.base_seconds / self._time_share(tried),
+            real_time=1 / self._clock.base_seconds / self._time_share(evaluation),
             state=state,
             verification=answer.verification.sentence if answer else failed,
-            changed_settings=tuple(self._changed_settings(tried)),
+            changed_settings=tuple(self._changed_settings(evaluation)),
             verified=answer.verification if answer else None,
             file=self._file_of(answer) if answer else None,
         )
@@ -568,10 +568,10 @@ class TuningStudy:
     def _name_points(self, points: Sequence[Evaluation]) -> list[str]:
         model = self._problem.model
 
-        def short_name(tried: Evaluation) -> str:
-            made = self._search.space.model_of(tried.configuration)
-            step = format_amount(self._problem.timestep_of(tried.configuration), "ms")
-            return f"{read_option(made, INTEGRATOR)} {step}"
+        def short_name(evaluation: Evaluation) -> str:
+            model_of_point = self._search.space.model_of(evaluation.configuration)
+            step = format_amount(self._problem.timestep_of(evaluation.configuration), "ms")
+            return f"{read_option(model_of_point, INTEGRATOR)} {step}"
 
         short = [short_name(one) for one in points]
         names = list[str]()
@@ -585,14 +585,14 @@ class TuningStudy:
     def _time_points(self, points: Sequence[Evaluation]) -> None:
         fewest_runs = 8  # per point: two seeds, each twice there and twice back
         seconds = fewest_runs * self._problem.cost.pass_seconds
-        left = PLAN.timing / PLAN.search * self._problem.work - seconds
+        seconds_left = PLAN.timing / PLAN.search * self._problem.work - seconds
         chosen = list[Evaluation]()
         current = self._verifier.current
         for one in sorted(points, key=lambda one: one.cost):
             if one.time_ratio is not None or one is current:
                 continue
-            left -= one.cost * seconds
-            if left < 0:
+            seconds_left -= one.cost * seconds
+            if seconds_left < 0:
                 break
             chosen.append(one)
         if chosen and current.time_ratio is None:
@@ -612,7 +612,7 @@ class TuningStudy:
                     reference.error_against(partial(_change_reference, change=change), same)
                     for change in row.changes
                 ),
-                key=lambda found: found.error,
+                key=lambda candidate_error: candidate_error.error,
             )
             yield ParameterUncertainty(name=row.name, error=worst.error, body=worst.body)
 
@@ -630,19 +630,19 @@ class TuningStudy:
             return best, None
         return best, self._verifier.verify_best(own, verdicts)
 
-    def _is_as_good(self, tried: Evaluation, bound: Bound) -> bool:
+    def _is_as_good(self, evaluation: Evaluation, bound: Bound) -> bool:
         """Return whether an evaluation costs no more than the best candidate of another bound."""
         other = next(iter(self._search.rank_candidates(bound)), None)
-        return other is None or tried.cost <= other.cost / SAVING
+        return other is None or evaluation.cost <= other.cost / SAVING
 
-    def _meets_target(self, known: Evaluation) -> bool:
-        assert known.error
+    def _meets_target(self, evaluation: Evaluation) -> bool:
+        assert evaluation.error
         if self._search.max_cost is not None:
             return self._search.max_cost >= 1
-        return known.error.error <= self._target.limit
+        return evaluation.error.error <= self._target.limit
 
-    def _time_candidate(self, tried: Evaluation) -> None:
-        self._time_closely([self._verifier.current, tried], fewest_seeds=4)
+    def _time_candidate(self, evaluation: Evaluation) -> None:
+        self._time_closely([self._verifier.current, evaluation], fewest_seeds=4)
 
     def _time_closely(self, candidates: Sequence[Evaluation], fewest_seeds: int = 2) -> None:
         models = [
@@ -683,19 +683,19 @@ class TuningStudy:
             file=self._file_of(answer),
         )
 
-    def _report_far_pairs(self, made: Sequence[Evaluation]) -> FarPairs | None:
+    def _report_far_pairs(self, answers: Sequence[Evaluation]) -> FarPairs | None:
         """Return the far pairs, and the time without them, for the first verified candidate."""
-        asked, cost = "far-pairs" in self._request.apply, None
+        is_requested, cost = "far-pairs" in self._request.apply, None
         problem = self._problem
-        if not asked and self._time_limit.remaining < 0:
+        if not is_requested and self._time_limit.remaining < 0:
             return None
         sparser = problem.model_without_far_pairs()
         if sparser is None or (
-            asked and not any("far-pairs" in one.configuration.reductions for one in made)
+            is_requested and not any("far-pairs" in one.configuration.reductions for one in answers)
         ):
             return None
-        if not asked:
-            choice = made[0].configuration if made else self._search.current
+        if not is_requested:
+            choice = answers[0].configuration if answers else self._search.current
             before = self._search.space.model_of(choice)
             own, without = (
                 problem.cost.count_cost(each, choice.multiple)
@@ -706,12 +706,12 @@ class TuningStudy:
             distance=problem.far_distance,
             geoms=problem.far_pairs.masked,
             bodies=problem.far_pairs.excluded,
-            removed=asked,
+            removed=is_requested,
             cost=cost,
         )
 
-    def _report_hulls(self, made: Sequence[VerifiedCandidate]) -> SimplifiedHulls | None:
-        if not any("hulls" in answer.evaluation.configuration.reductions for answer in made):
+    def _report_hulls(self, answers: Sequence[VerifiedCandidate]) -> SimplifiedHulls | None:
+        if not any("hulls" in answer.evaluation.configuration.reductions for answer in answers):
             return None
         distance = self._request.apply["hulls"]
         assert distance is not None
@@ -727,18 +727,23 @@ class TuningStudy:
         if self._time_limit.remaining < 0:
             return where
         row = "timestep"
-        made = self._search.space.model_of(nearest.configuration)
-        made.opt.iterations, made.opt.tolerance = max(100, made.opt.iterations), 1e-12
-        made.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
-        done = self._search.estimator.estimate_error(made, nearest.configuration.multiple)
-        if done.error < 0.5 * error.error:
+        exact_model = self._search.space.model_of(nearest.configuration)
+        exact_model.opt.iterations, exact_model.opt.tolerance = (
+            max(100, exact_model.opt.iterations),
+            1e-12,
+        )
+        exact_model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
+        converged_error = self._search.estimator.estimate_error(
+            exact_model, nearest.configuration.multiple
+        )
+        if converged_error.error < 0.5 * error.error:
             row = "solver"
         return f"{row} error of {where}"
 
-    def _unconstrained_cost(self, *made: Evaluation | None) -> float | None:
+    def _unconstrained_cost(self, *evaluations: Evaluation | None) -> float | None:
         """Count the model without constraints, unless a verified candidate saves 20 %."""
         large_saving = 0.8  # cost above which the unconstrained cost is reported
-        saving = [one.cost < large_saving for one in made if one]
+        saving = [one.cost < large_saving for one in evaluations if one]
         if any(saving) or self._search.max_cost is not None:
             return None
         bare = copy.copy(self._problem.model)
@@ -758,16 +763,16 @@ class TuningStudy:
                 before = read_option(model, name)
             yield ChangedSetting(name=name, before=axis_cell(before), after=axis_cell(after))
 
-    def _describe_candidate(self, tried: Evaluation) -> Candidate:
-        error, price, choice = tried.error, tried.time_ratio, tried.configuration
+    def _describe_candidate(self, evaluation: Evaluation) -> Candidate:
+        error, price, choice = evaluation.error, evaluation.time_ratio, evaluation.configuration
         assert error
         own = changed_settings(choice.settings, self._problem.model)
         settings: dict[str, Setting] = {name: axis_cell(value) for name, value in own.items()}
         return Candidate(
             settings=settings,
             timestep=self._problem.timestep_of(choice),
-            exact=tried.exact,
-            cost=tried.cost,
+            exact=evaluation.exact,
+            cost=evaluation.cost,
             removes_unused="unused" in choice.reductions,
             removes_far_pairs="far-pairs" in choice.reductions,
             simplifies_hulls="hulls" in choice.reductions,
@@ -782,9 +787,9 @@ class TuningStudy:
 
 
 def _change_reference(model: mujoco.MjModel, change: ModelChange) -> mujoco.MjModel:
-    made = build_reference_model(model, 1)
-    change(made, model)
-    return made
+    reference_model = build_reference_model(model, 1)
+    change(reference_model, model)
+    return reference_model
 
 
 def _join_endings(*endings: Ending) -> Ending:

@@ -293,17 +293,17 @@ class TuningProblem:
     def _plan_verdicts(self) -> int:
         """Return how many candidates may be verified within the counted work."""
         cost = self._estimate_panel(self.verified_seeds, self.verified_share)
-        left = self._verification_work - cost.first
-        return 2 + max(0, int(left / (_RULES.rejected_share * cost.next)))
+        work_left = self._verification_work - cost.first
+        return 2 + max(0, int(work_left / (_RULES.rejected_share * cost.next)))
 
     @property
     def _verification_work(self) -> float:
         return self.work * PLAN.verification / PLAN.search
 
     def _estimate_panel(self, seeds: int, share: float) -> PanelCost:
-        found = estimate_panel(self.own_model, self.task, seeds, share, self.cost.step_seconds)
+        panel_cost = estimate_panel(self.own_model, self.task, seeds, share, self.cost.step_seconds)
         fresh = _RULES.fresh_passes * share * self.seeds * self.cost.pass_seconds
-        return replace(found, first=found.first + fresh)
+        return replace(panel_cost, first=panel_cost.first + fresh)
 
     def _shorten_motions(self) -> None:
         # Only slow models have shorter runs. The work is counted from the remaining runs.
@@ -349,9 +349,9 @@ class TuningProblem:
         own = float(self.own_model.opt.timestep)
         period = control_period(self.examined.scene)
         longest = max(own, WINDOW)  # a step of a window at most
-        found = find_usable_steps(own, own / substeps, longest, period)
+        usable = find_usable_steps(own, own / substeps, longest, period)
         # Errors of the step of the reference itself cannot be measured.
-        return tuple(step for step in found if step >= min(substeps, 2))
+        return tuple(step for step in usable if step >= min(substeps, 2))
 
     def _converged_reference(self) -> TaskReference:
         coarse = self.run_reference(self.motions, 1)
@@ -450,9 +450,11 @@ class TuningProblem:
     @staticmethod
     def as_run(model: mujoco.MjModel, own: mujoco.MjModel) -> mujoco.MjModel:
         """Return a model with the flag of another one that stops a run instead of resetting it."""
-        made, bit = copy.copy(model), int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-        made.opt.disableflags = int(model.opt.disableflags) & ~bit | int(own.opt.disableflags) & bit
-        return made
+        run_model, bit = copy.copy(model), int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        run_model.opt.disableflags = (
+            int(model.opt.disableflags) & ~bit | int(own.opt.disableflags) & bit
+        )
+        return run_model
 
     def moves_alike(self, model: mujoco.MjModel) -> bool:
         """Return whether each bit of the task's motion is that of the model as written."""

@@ -103,23 +103,25 @@ class FailureBound:
     multiple: float = 0.0
     failed: Mapping[object, int] = field(default_factory=dict[object, int])
 
-    def admits(self, tried: Evaluation) -> bool:
+    def admits(self, evaluation: Evaluation) -> bool:
         """Return whether a candidate satisfies the bound."""
-        failed = self.failed.get(_integrator_of(tried), math.inf)
-        if tried.configuration.multiple > STEP_MARGIN * failed:
+        failed = self.failed.get(_integrator_of(evaluation), math.inf)
+        if evaluation.configuration.multiple > STEP_MARGIN * failed:
             return False
-        return error_of(tried) <= self.error or tried.configuration.multiple <= self.multiple
+        return (
+            error_of(evaluation) <= self.error or evaluation.configuration.multiple <= self.multiple
+        )
 
-    def tightened_by(self, tried: Evaluation, part: float) -> "FailureBound":
+    def tightened_by(self, evaluation: Evaluation, part: float) -> "FailureBound":
         """Return the bound after another failure; `part` is the fraction of it that may hold."""
-        step = tried.configuration.multiple
-        name = _integrator_of(tried)
+        step = evaluation.configuration.multiple
+        name = _integrator_of(evaluation)
         failed = {**self.failed, name: min(step, self.failed.get(name, step))}
-        return FailureBound(part * error_of(tried), part * step, failed)
+        return FailureBound(part * error_of(evaluation), part * step, failed)
 
 
-def _integrator_of(tried: Evaluation) -> object:
-    return tried.configuration.settings.get(INTEGRATOR)
+def _integrator_of(evaluation: Evaluation) -> object:
+    return evaluation.configuration.settings.get(INTEGRATOR)
 
 
 @dataclass(frozen=True)
@@ -178,7 +180,7 @@ class CandidateVerifier:
         At most `verdicts` candidates are judged. The time of one verification is kept in reserve.
         If either is over, the exact savings are returned.
         """
-        below, done = FailureBound(), {self.current.configuration.key}
+        below, done_keys = FailureBound(), {self.current.configuration.key}
         simpler: Evaluation | None = None
         try:
             most_verdicts = 8  # per goal
@@ -186,28 +188,28 @@ class CandidateVerifier:
                 # After the first candidate, the points of the front have their share of the time.
                 front_time = PLAN.points * PLAN.whole * self._time_limit.seconds if place else 0.0
                 self._check_time(self._reserve + front_time)
-                measured = self._next_within_limit(goal, done, below, simpler)
+                next_candidate = self._next_within_limit(goal, done_keys, below, simpler)
                 simpler = None
-                if measured is None:
+                if next_candidate is None:
                     break
-                tried, error = measured
-                found = self._write_and_verify(tried, error, goal)
-                if found is None:
+                evaluation, error = next_candidate
+                result = self._write_and_verify(evaluation, error, goal)
+                if result is None:
                     continue
-                written, verified = found
-                if verified.holds and not self._saves_no_time(tried):
-                    return VerifiedCandidate(tried, written, verified)
+                written_model, verified = result
+                if verified.holds and not self._saves_no_time(evaluation):
+                    return VerifiedCandidate(evaluation, written_model, verified)
                 if not verified.holds:
-                    self._reject_candidate(tried, f"on fresh seeds: {verified.sentence}")
-                    self.worse[tried.configuration.key] = verified.sentence
+                    self._reject_candidate(evaluation, f"on fresh seeds: {verified.sentence}")
+                    self.worse[evaluation.configuration.key] = verified.sentence
                     # A label or another measure may be caused by the step, whatever the error.
                     limits = [self._examined.task.tolerance]
                     if not goal.must_be_sound:
-                        limits += [said.high for said in self._current_verdicts.values()]
+                        limits += [judgement.high for judgement in self._current_verdicts.values()]
                     part = step_fraction(verified.numerical_error, max(limits))
-                    simpler = self._simpler_variant(tried, goal, done)
+                    simpler = self._simpler_variant(evaluation, goal, done_keys)
                     if simpler is None:
-                        below = below.tightened_by(tried, part)
+                        below = below.tightened_by(evaluation, part)
             else:
                 self._end_early(goal, "work")
         except OutOfTimeError:
@@ -215,64 +217,70 @@ class CandidateVerifier:
         rmtree(self._session.folder / goal.folder, ignore_errors=True)
         return self._verify_exact(goal)
 
-    def verify_point(self, tried: Evaluation, folder: str) -> VerifiedCandidate | None:
+    def verify_point(self, evaluation: Evaluation, folder: str) -> VerifiedCandidate | None:
         """Write a point of the front and judge it; its error may be that of the point.
 
         None if it cannot be written, which `skipped` explains, or if the time limit ends it.
         """
-        model = self._search.space.model_of(tried.configuration)
-        error = self._problem.fresh_estimator.estimate_error(model, tried.configuration.multiple)
-        allowed = max(error_of(tried), error.error)
+        model = self._search.space.model_of(evaluation.configuration)
+        error = self._problem.fresh_estimator.estimate_error(
+            model, evaluation.configuration.multiple
+        )
+        allowed = max(error_of(evaluation), error.error)
         is_share = self._target.unit == "1"
         goal = Goal(Bound.of(allowed), folder, must_be_sound=False, allows_error=is_share)
         try:
-            found = self._write_and_verify(tried, error, goal)
+            result = self._write_and_verify(evaluation, error, goal)
         except OutOfTimeError:
             self._end_early(goal, "time")
-            found = None
-        return VerifiedCandidate(tried, *found) if found else None
+            result = None
+        return VerifiedCandidate(evaluation, *result) if result else None
 
     def _end_early(self, goal: Goal, ending: Ending) -> None:
         self.ending = ending
         self.skipped.append(SkippedParameter(goal.folder, UNVERIFIED))
 
-    def _simpler_variant(self, tried: Evaluation, goal: Goal, done: set[Key]) -> Evaluation | None:
+    def _simpler_variant(
+        self, evaluation: Evaluation, goal: Goal, done_keys: set[Key]
+    ) -> Evaluation | None:
         """Return a candidate without the settings that add error, if that serves the goal."""
         if self._search.max_cost is not None:
             return None
-        choice = self._search.without_lossy(tried.configuration)
-        if choice.key in done:
+        choice = self._search.without_lossy(evaluation.configuration)
+        if choice.key in done_keys:
             return None
-        found = self._search.evaluate(choice)
-        fits = error_of(found) <= goal.bound.accepted and self.is_better(found, goal.bound)
-        return found if fits else None
+        variant = self._search.evaluate(choice)
+        fits = error_of(variant) <= goal.bound.accepted and self.is_better(variant, goal.bound)
+        return variant if fits else None
 
     def _check_time(self, takes: float = 0.0) -> None:
         if self._time_limit.remaining < takes:
             raise OutOfTimeError
 
     def _write_and_verify(
-        self, tried: Evaluation, error: ErrorEstimate, goal: Goal
+        self, evaluation: Evaluation, error: ErrorEstimate, goal: Goal
     ) -> tuple[WrittenModel, Verification] | None:
         begin = self._time_limit.elapsed
         try:
-            written = self._write_model(tried, goal.folder)
+            written_model = self._write_model(evaluation, goal.folder)
         except SceneError as refused:
-            self._reject_candidate(tried, str(refused).splitlines()[0])
+            self._reject_candidate(evaluation, str(refused).splitlines()[0])
             return None
-        found = self._verify_model(tried, error, written, goal)
+        verification = self._verify_model(evaluation, error, written_model, goal)
         self._reserve = max(self._reserve, self._time_limit.elapsed - begin)
-        return written, found
+        return written_model, verification
 
-    def _saves_no_time(self, tried: Evaluation) -> bool:
+    def _saves_no_time(self, evaluation: Evaluation) -> bool:
         """Time a candidate on whole runs; reject it if it saves no time although it should."""
-        self._time_candidate(tried)
-        price = tried.time_ratio
+        self._time_candidate(evaluation)
+        price = evaluation.time_ratio
         if self._search.max_cost is not None or error_of(self.current) > self._target.limit:
             return False
         if price is None or price.ratio <= SAVING:
             return False
-        self._reject_candidate(tried, f"{price.text} time: no saving, although it does less work")
+        self._reject_candidate(
+            evaluation, f"{price.text} time: no saving, although it does less work"
+        )
         return True
 
     def _verify_exact(self, goal: Goal) -> VerifiedCandidate | None:
@@ -282,34 +290,34 @@ class CandidateVerifier:
             for one in self._search.rank_candidates(goal.bound)
             if one.exact and one.configuration.key not in self.rejected
         )
-        tried = next((one for one in exact if self.is_better(one, goal.bound)), None)
-        if tried is None or self._search.max_cost is not None:
+        evaluation = next((one for one in exact if self.is_better(one, goal.bound)), None)
+        if evaluation is None or self._search.max_cost is not None:
             return None
-        if self._time_limit.remaining < 0 or not self._stays_exact(tried):
+        if self._time_limit.remaining < 0 or not self._stays_exact(evaluation):
             return None
         try:
-            written = self._write_model(tried, goal.folder)
+            written_model = self._write_model(evaluation, goal.folder)
         except SceneError as refused:
-            self._reject_candidate(tried, str(refused).splitlines()[0])
+            self._reject_candidate(evaluation, str(refused).splitlines()[0])
             return None
-        if lost := self._find_lost_grip(written):
-            self._reject_candidate(tried, f"worse than as written: {describe_measure(lost)}")
-        if lost or self._saves_no_time(tried):
+        if lost := self._find_lost_grip(written_model):
+            self._reject_candidate(evaluation, f"worse than as written: {describe_measure(lost)}")
+        if lost or self._saves_no_time(evaluation):
             rmtree(self._session.folder / goal.folder, ignore_errors=True)
             return None
-        known, error = self.current_verdict(), tried.error
+        verdict_now, error = self.current_verdict(), evaluation.error
         assert error
         return VerifiedCandidate(
-            tried,
-            written,
+            evaluation,
+            written_model,
             Verification(
                 seeds=self._problem.fresh_task.seeds,
                 holds=True,
                 meets_target=error.error <= max(self._target.limit, goal.bound.accepted),
                 error=None,
                 current_error=None,
-                verdict=known.verdict if known else "",
-                numerical_error=known.numerical_error if known else None,
+                verdict=verdict_now.verdict if verdict_now else "",
+                numerical_error=verdict_now.numerical_error if verdict_now else None,
                 labels=(),
                 sentence="the motion is that of the model as written, bit for bit, in the task, on "
                 "fresh seeds, tilted, and with twice the inputs",
@@ -317,15 +325,15 @@ class CandidateVerifier:
             ),
         )
 
-    def _find_lost_grip(self, written: WrittenModel) -> VerifiedMeasure | None:
+    def _find_lost_grip(self, written_model: WrittenModel) -> VerifiedMeasure | None:
         # The task of a gripper without an object loads no pad: equal bits prove nothing of grips.
-        changed = open_changed_model(written.reference, self._session, self._request.task)
+        changed = open_changed_model(written_model.reference, self._session, self._request.task)
         measures = compare_grips(self._examined, changed, self._problem.original_runs.grips)
         return next((measure for measure in measures if measure.worse), None)
 
-    def _stays_exact(self, tried: Evaluation) -> bool:
+    def _stays_exact(self, evaluation: Evaluation) -> bool:
         """Return whether a candidate moves as the model as written on runs of no search."""
-        made = self._search.space.model_of(tried.configuration)
+        candidate_model = self._search.space.model_of(evaluation.configuration)
         own = [
             *self._problem.fresh_motions,
             *(
@@ -336,19 +344,19 @@ class CandidateVerifier:
         ]
         changed = list[mujoco.MjModel]()
         for motion in own:
-            other = self._problem.as_run(made, motion.model)
+            other = self._problem.as_run(candidate_model, motion.model)
             other.opt.gravity[:] = motion.model.opt.gravity
             changed.append(other)
         return KnownStates(own, self._problem.threads).match_models(changed)
 
-    def _reject_candidate(self, tried: Evaluation, reason: str) -> None:
-        self.rejected.add(tried.configuration.key)
-        self.skipped.append(SkippedParameter(self._settings_text(tried), reason))
+    def _reject_candidate(self, evaluation: Evaluation, reason: str) -> None:
+        self.rejected.add(evaluation.configuration.key)
+        self.skipped.append(SkippedParameter(self._settings_text(evaluation), reason))
 
     def _next_within_limit(
         self,
         goal: Goal,
-        done: set[Key],
+        done_keys: set[Key],
         below: FailureBound,
         simpler: Evaluation | None = None,
     ) -> tuple[Evaluation, ErrorEstimate] | None:
@@ -359,83 +367,85 @@ class CandidateVerifier:
         """
         first = True
         most_estimates = 25  # of errors on fresh seeds, per goal
-        while len(done) < most_estimates:
+        while len(done_keys) < most_estimates:
             self._check_time(self._reserve)
-            tried = simpler or self._next_candidate(done, goal.bound, below)
+            evaluation = simpler or self._next_candidate(done_keys, goal.bound, below)
             simpler = None
-            if tried is None:
+            if evaluation is None:
                 return None
-            done.add(tried.configuration.key)
-            made = self._search.space.model_of(tried.configuration)
-            error = self._problem.fresh_estimator.estimate_error(made, tried.configuration.multiple)
+            done_keys.add(evaluation.configuration.key)
+            candidate_model = self._search.space.model_of(evaluation.configuration)
+            error = self._problem.fresh_estimator.estimate_error(
+                candidate_model, evaluation.configuration.multiple
+            )
             why = self._excess_reason(error, goal)
             if not why:
-                return tried, error
+                return evaluation, error
             if first:
-                self._reject_candidate(tried, f"on fresh seeds: {why}")
-            self.rejected.add(tried.configuration.key)
-            below = below.tightened_by(tried, self._limit_of(goal) / max(error.error, 1e-300))
+                self._reject_candidate(evaluation, f"on fresh seeds: {why}")
+            self.rejected.add(evaluation.configuration.key)
+            below = below.tightened_by(evaluation, self._limit_of(goal) / max(error.error, 1e-300))
             first = False
         return None
 
-    def _settings_text(self, tried: Evaluation) -> str:
-        return format_settings(self.settings(tried.configuration)) or "without unused parts"
+    def _settings_text(self, evaluation: Evaluation) -> str:
+        return format_settings(self.settings(evaluation.configuration)) or "without unused parts"
 
-    def is_better(self, tried: Evaluation, bound: Bound) -> bool:
+    def is_better(self, evaluation: Evaluation, bound: Bound) -> bool:
         """Return whether a candidate serves a goal better than the model as written."""
         now = error_of(self.current)
         if self._search.max_cost is not None:
-            return self._search.max_cost < 1 or error_of(tried) < SAVING * now
-        return now > bound.limit or tried.cost <= SAVING
+            return self._search.max_cost < 1 or error_of(evaluation) < SAVING * now
+        return now > bound.limit or evaluation.cost <= SAVING
 
     def _next_candidate(
-        self, done: set[Key], bound: Bound, below: FailureBound
+        self, done_keys: set[Key], bound: Bound, below: FailureBound
     ) -> Evaluation | None:
         """Return the best unverified candidate within the bound: known, or at a shorter step."""
         search = self._search
         ranked = search.rank_candidates(bound)
 
         def fits(one: Evaluation) -> bool:
-            new = one.configuration.key not in done
+            new = one.configuration.key not in done_keys
             keeps = search.max_cost is not None or error_of(one) <= bound.accepted
             allowed = below.admits(one) or self._is_as_accurate_as_current(one, bound)
             return new and keeps and allowed and self.is_better(one, bound)
 
-        known = next((one for one in ranked if fits(one)), None)
-        if search.max_cost is not None or not ranked or known is ranked[0]:
-            return known
+        ranked_choice = next((one for one in ranked if fits(one)), None)
+        if search.max_cost is not None or not ranked or ranked_choice is ranked[0]:
+            return ranked_choice
         shorter = (search.evaluate(choice) for choice in search.shorter_steps(ranked[0]))
-        for tried in shorter:
-            if known is not None and tried.cost >= known.cost:
+        for candidate in shorter:
+            if ranked_choice is not None and candidate.cost >= ranked_choice.cost:
                 break
-            if fits(tried):
-                return tried
-            if tried.cost > SAVING and error_of(self.current) <= bound.limit:
+            if fits(candidate):
+                return candidate
+            if candidate.cost > SAVING and error_of(self.current) <= bound.limit:
                 break
-        return known
+        return ranked_choice
 
-    def _is_as_accurate_as_current(self, tried: Evaluation, bound: Bound) -> bool:
+    def _is_as_accurate_as_current(self, evaluation: Evaluation, bound: Bound) -> bool:
         """Return whether a candidate is as accurate as the model as written, at no longer step.
 
         If that model satisfies the bound, failures at longer steps do not concern such a candidate.
         """
         now, short = (
             error_of(self.current),
-            tried.configuration.multiple <= self.current.configuration.multiple,
+            evaluation.configuration.multiple <= self.current.configuration.multiple,
         )
         floor = ERROR_FLOOR if self._target.unit == "1" else 0.0
         equal = Bound.as_current(now, floor).accepted
-        return now <= bound.accepted and short and error_of(tried) <= equal
+        return now <= bound.accepted and short and error_of(evaluation) <= equal
 
     def settings(self, choice: Configuration) -> dict[str, object]:
         """Return the settings of a candidate, with its timestep."""
-        found = changed_settings(choice.settings, self._problem.model)
+        changed_values = changed_settings(choice.settings, self._problem.model)
         if choice.multiple == self._problem.reference.substeps:
-            return found
-        return {"timestep": self._problem.timestep_of(choice), **found}
+            return changed_values
+        return {"timestep": self._problem.timestep_of(choice), **changed_values}
 
-    def _write_model(self, tried: Evaluation, folder: str) -> WrittenModel:
-        choice = tried.configuration
+    def _write_model(self, evaluation: Evaluation, folder: str) -> WrittenModel:
+        choice = evaluation.configuration
         edits = replace(self._problem.edits_of(choice.reductions), settings=self.settings(choice))
         return write_model(self._examined.scene, edits, self._session.folder / folder, MODEL)
 
@@ -452,25 +462,25 @@ class CandidateVerifier:
         return f"error {own} in {error.body}, at most {most}"
 
     def _verify_model(
-        self, tried: Evaluation, error: ErrorEstimate, written: WrittenModel, goal: Goal
+        self, evaluation: Evaluation, error: ErrorEstimate, written_model: WrittenModel, goal: Goal
     ) -> Verification:
         """Judge a written model with a known error on fresh seeds."""
-        self._session.notify(f"verifying {self._settings_text(tried)}")
-        examined = open_changed_model(written.reference, self._session, self._request.task)
+        self._session.notify(f"verifying {self._settings_text(evaluation)}")
+        examined = open_changed_model(written_model.reference, self._session, self._request.task)
         task = self._own_task(self._problem.seeds)
-        said = self._judge_task(examined, task)
+        judgement = self._judge_task(examined, task)
         timely = self._search.max_cost is not None
         holds, why, panel = True, "", None
-        if said.verdict != ACCURATE:
-            holds = not goal.must_be_sound and self._is_as_current(task, said)
+        if judgement.verdict != ACCURATE:
+            holds = not goal.must_be_sound and self._is_as_current(task, judgement)
             why = (
-                f"{said.verdict}, like the model as written: {said.reason}; "
+                f"{judgement.verdict}, like the model as written: {judgement.reason}; "
                 if holds
-                else said.reason
+                else judgement.reason
             )
         if (
             holds
-            and "far-pairs" in tried.configuration.reductions
+            and "far-pairs" in evaluation.configuration.reductions
             and (touched := self._touching_pair())
         ):
             holds, why = False, f"{touched} touch, but stayed apart before"
@@ -486,8 +496,8 @@ class CandidateVerifier:
             meets_target=holds and (timely or error.error <= self._largest_met_error),
             error=error.error,
             current_error=self._problem.fresh_error.error,
-            verdict=said.verdict,
-            numerical_error=said.error,
+            verdict=judgement.verdict,
+            numerical_error=judgement.error,
             labels=(),
             sentence=why,
             panel=panel,
@@ -513,9 +523,9 @@ class CandidateVerifier:
 
         If the model as written satisfies the goal in the search, its error here is allowed.
         """
-        given = self._target.kind in ("error", "forward error", "tolerance")
+        has_limit = self._target.kind in ("error", "forward error", "tolerance")
         floor = ERROR_FLOOR if self._target.unit == "1" else 0.0
-        is_given = goal.allows_error or (given and goal.must_be_sound)
+        is_given = goal.allows_error or (has_limit and goal.must_be_sound)
         limit = goal.bound.limit if is_given else floor
         if error_of(self.current) <= goal.bound.limit:
             return max(limit, self._equal_fresh_error)
@@ -550,21 +560,25 @@ class CandidateVerifier:
     def current_verdict(self) -> CurrentVerdict | None:
         """Return the verdict on the model as written, on the most seeds that were judged."""
         task = self._examined.task
-        known = [seeds for seeds in self._current_verdicts if seeds == task.seeds[: len(seeds)]]
-        if not known:
+        judged_seeds = [
+            seeds for seeds in self._current_verdicts if seeds == task.seeds[: len(seeds)]
+        ]
+        if not judged_seeds:
             return None
-        seeds = max(known, key=len)
-        said = self._current_verdicts[seeds]
-        return CurrentVerdict(seeds=seeds, verdict=said.verdict, numerical_error=said.error)
+        seeds = max(judged_seeds, key=len)
+        judgement = self._current_verdicts[seeds]
+        return CurrentVerdict(
+            seeds=seeds, verdict=judgement.verdict, numerical_error=judgement.error
+        )
 
-    def _is_as_current(self, task: Task, said: _Judgement) -> bool:
+    def _is_as_current(self, task: Task, judgement: _Judgement) -> bool:
         """Return whether the verdict on a candidate equals that on the model as written.
 
         Its least error over seeds must be at most the largest error over seeds as written: free
         motions from the same starts differ, and have another mean.
         """
         now = self._current_verdict_on(task)
-        return now.verdict == said.verdict and said.low <= now.high
+        return now.verdict == judgement.verdict and judgement.low <= now.high
 
     def _current_verdict_on(self, task: Task) -> _Judgement:
         """Return the verdict on the model as written, judged once per set of seeds."""

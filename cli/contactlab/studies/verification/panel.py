@@ -279,16 +279,16 @@ class _Panel:
     @property
     def _chaotic_bodies(self) -> np.ndarray:
         # Shorter runs may not show the chaos of the whole task.
-        known = self._request.runs.chaotic_bodies
-        if not known:
+        chaotic = self._request.runs.chaotic_bodies
+        if not chaotic:
             task = self._original.task
             seeds = task.seeds[: self._request.most_seeds]
             motions = self._original.motions_of(task.model_copy(update={"seeds": seeds}))
             threads = self._original.threads
-            known.append(
+            chaotic.append(
                 np.any([find_chaotic_bodies(motion, threads) for motion in motions], axis=0)
             )
-        return known[0]
+        return chaotic[0]
 
     @property
     def identical(self) -> bool:
@@ -434,11 +434,11 @@ class _Panel:
                 yield measure
 
     def _find_unresolved(self, run: PairedRun, tables: Tables) -> np.ndarray:
-        known = self._request.runs.unresolved_bodies
+        bodies_by_run = self._request.runs.unresolved_bodies
         key = run.name, float(run.reference.model.opt.timestep)
-        if key not in known:
-            known[key] = find_unresolved_bodies(run, tables, self._original.threads)
-        return known[key]
+        if key not in bodies_by_run:
+            bodies_by_run[key] = find_unresolved_bodies(run, tables, self._original.threads)
+        return bodies_by_run[key]
 
     def _count_lost_seeds(self, run: PairedRun) -> VerifiedMeasure:
         # A seed that the engine gave up in an earlier phase does not reach this one.
@@ -525,10 +525,10 @@ class _Panel:
     def _compare_labels(self, name: str, task: Task) -> Iterator[VerifiedMeasure]:
         if not self._begin_run(f"labels, {name}"):
             return
-        known = self._request.runs.labels
-        if name not in known:
-            known[name] = self._count_failure_labels(self._original, task)
-        before, after = known[name], self._count_failure_labels(self._changed, task)
+        known_labels = self._request.runs.labels
+        if name not in known_labels:
+            known_labels[name] = self._count_failure_labels(self._original, task)
+        before, after = known_labels[name], self._count_failure_labels(self._changed, task)
         for label in sorted({*before, *after}):
             own, other = before[label], after[label]
             worse = not own and other > 0
@@ -555,9 +555,9 @@ class _Panel:
             first = 1 + 2 * (1 + max(self._tasks["task on fresh seeds"].seeds))
             seeds = tuple(range(first, first + REPEATED_RUNS))
             many = task.model_copy(update={"seeds": seeds})
-            known = self._request.runs.labels
-            if name not in known:
-                known[name] = self._count_failure_labels(self._original, many)
+            known_labels = self._request.runs.labels
+            if name not in known_labels:
+                known_labels[name] = self._count_failure_labels(self._original, many)
             self._repeated[name] = self._count_failure_labels(self._changed, many)
         return self._request.runs.labels[name], self._repeated[name]
 
@@ -598,17 +598,17 @@ def _measure_error_pair(
     request: VerificationRequest, name: str, own: Sequence[Motion], other: Sequence[Motion]
 ) -> tuple[ErrorEstimate, ErrorEstimate] | None:
     # The result is the error before and after.
-    threads, known = request.original.threads, request.runs.references
+    threads, known_errors = request.original.threads, request.runs.references
     shared = request.same_model and _state_size(own[0].model) == _state_size(other[0].model)
     # Another model is compared with its own motion at a fine step.
     ratio = float(other[0].model.opt.timestep / own[0].model.opt.timestep) if shared else 1.0
     rate = next((each for each in _RATES if _is_whole(each * ratio)), None)
     if rate is None:
         return None
-    if (name, rate) not in known:
+    if (name, rate) not in known_errors:
         fine = TaskReference.run_references(own, rate, threads).complete_phases()
-        known[name, rate] = fine, fine.estimate_error(run_at_once(own[0].model), rate)
-    references, before = known[name, rate]
+        known_errors[name, rate] = fine, fine.estimate_error(run_at_once(own[0].model), rate)
+    references, before = known_errors[name, rate]
     if not shared:
         references = TaskReference.run_references(other, rate, threads).complete_phases()
     return before, references.estimate_error(run_at_once(other[0].model), round(rate * ratio))

@@ -84,25 +84,25 @@ class Tables:
 def tabulate_run(
     run: PairedRun,
     workers: int,
-    known: dict[tuple[str, float], tuple[StateTable, StateTable, StateTable]],
+    known_tables: dict[tuple[str, float], tuple[StateTable, StateTable, StateTable]],
 ) -> Tables:
     """Run all four motions of a run, and sample them at the same times.
 
-    `known` has the tables of the original, the reference and the twin by the name of the run
+    `known_tables` are those of the original, the reference and the twin by the name of the run
     and the reference's timestep [s]; missing ones are added. They are the same for every change of
     one model.
     """
     tabulate = partial(tabulate_states, extremes_too=not run.unconstrained)
     key = run.name, float(run.reference.model.opt.timestep)
-    if key not in known:
+    if key not in known_tables:
         length = run.original.steps * float(run.original.model.opt.timestep)
         times = np.linspace(0.0, length, SAMPLES + 1)
-        known[key] = (
+        known_tables[key] = (
             tabulate(run.original, workers, times),
             tabulate(run.reference, workers, times),
             tabulate(run.twin, workers, times),
         )
-    original, reference, twin = known[key]
+    original, reference, twin = known_tables[key]
     changed = tabulate(run.changed, workers, original.times, demands=run.original.model)
     return Tables(original, changed, reference, twin)
 
@@ -172,11 +172,11 @@ def compare_run(
         yield from _compare_tracking(run, tables, good, allowed, keeps_motion=keeps_motion)
     elif keeps_motion:
         left_out = np.False_ if chaotic_bodies is None else chaotic_bodies
-        found = [*_compare_places(run, tables, allowed, left_out, chaotic=chaotic)]
-        if find_unresolved and any(measure.worse for measure in found):
+        place_measures = [*_compare_places(run, tables, allowed, left_out, chaotic=chaotic)]
+        if find_unresolved and any(measure.worse for measure in place_measures):
             left_out = left_out | find_unresolved()
-            found = [*_compare_places(run, tables, allowed, left_out, chaotic=chaotic)]
-        yield from found
+            place_measures = [*_compare_places(run, tables, allowed, left_out, chaotic=chaotic)]
+        yield from place_measures
 
 
 def find_unresolved_bodies(run: PairedRun, tables: Tables, workers: int) -> np.ndarray:
@@ -196,9 +196,9 @@ def find_unresolved_bodies(run: PairedRun, tables: Tables, workers: int) -> np.n
     own, fine, finest = (
         each.positions[good][:, -1, bodies] for each in (tables.original, tables.reference, table)
     )
-    left, before = (np.linalg.norm(each - fine, axis=-1) for each in (finest, own))
+    finer_distance, before = (np.linalg.norm(each - fine, axis=-1) for each in (finest, own))
     most = np.maximum(before, LENGTH_TOLERANCE * float(model.stat.meansize)) / 2
-    return np.asarray((left > most).any(axis=0))
+    return np.asarray((finer_distance > most).any(axis=0))
 
 
 def find_chaotic_bodies(motion: Motion, workers: int) -> np.ndarray:
@@ -479,14 +479,17 @@ def _compare_places(
     repeatable = (twins < floor) & ~left_out
     if not repeatable.any():
         return
-    seen = repeatable.sum(axis=0)
-    means = [np.where(repeatable, each, 0.0).sum(axis=0) / np.maximum(seen, 1) for each in ends[:2]]
+    repeat_counts = repeatable.sum(axis=0)
+    means = [
+        np.where(repeatable, each, 0.0).sum(axis=0) / np.maximum(repeat_counts, 1)
+        for each in ends[:2]
+    ]
     before, after = means
     noise = np.where(repeatable, twins, 0.0).max(axis=0)
     factor = CHAOTIC_PATH if chaotic else PLACE_TOLERANCE
     tolerances = np.maximum(floor, factor * before) + noise
     tolerances += allowed * ways[3].mean(axis=0)
-    worst = int(np.argmax(np.where(seen > 0, after - before - tolerances, -np.inf)))
+    worst = int(np.argmax(np.where(repeat_counts > 0, after - before - tolerances, -np.inf)))
     yield _build_measure(
         "end position",
         run.name,

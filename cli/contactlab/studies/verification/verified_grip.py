@@ -31,11 +31,11 @@ def judge_verified_grip(request: GripRequest) -> GripReport:
         if fix.verdict != "holds" or not fix.lines:
             continue
         request.notify(f"verifying {fix.name}")
-        found = _verify_fix(request, fix, runs)
-        if found.passed:
-            fixes[place] = fix.model_copy(update={"verification": found})
+        verification = _verify_fix(request, fix, runs)
+        if verification.passed:
+            fixes[place] = fix.model_copy(update={"verification": verification})
             return _recommend_fix(report, fixes, "")
-        rejected = {"lines": (), "no_patch_reason": found.sentence}
+        rejected = {"lines": (), "no_patch_reason": verification.sentence}
         fixes[place] = fix.model_copy(update=rejected)
     return _recommend_fix(report, fixes, "each makes something worse")
 
@@ -55,11 +55,15 @@ def _recommend_fix(report: GripReport, fixes: Sequence[GripFix], reason: str) ->
 
 def _verify_fix(request: GripRequest, fix: GripFix, runs: OriginalRuns) -> VerifiedChange:
     # Other controls begin another motion, so settings are first verified with the original's.
-    found: VerifiedChange | None = None
+    verification: VerifiedChange | None = None
     if fix.keyframe_controls and fix.options:
         settings = fix.model_copy(update={"keyframe_controls": ()})
-        found = _verify_edits(request, settings, runs)
-    return found if found and not found.passed else _verify_edits(request, fix, runs)
+        verification = _verify_edits(request, settings, runs)
+    return (
+        verification
+        if verification and not verification.passed
+        else _verify_edits(request, fix, runs)
+    )
 
 
 def _verify_edits(request: GripRequest, fix: GripFix, runs: OriginalRuns) -> VerifiedChange:
@@ -67,10 +71,10 @@ def _verify_edits(request: GripRequest, fix: GripFix, runs: OriginalRuns) -> Ver
         session = Session(Path(folder) / "results")
         scene = SceneLoader(Path()).open(request.model).with_effects("all")
         edits = edit_grip(request.keyframe, fix.options, fix.keyframe_controls)
-        written = write_model(scene, edits, Path(folder) / "changed")
+        written_model = write_model(scene, edits, Path(folder) / "changed")
         original = open_model(request.model, session)
-        changed = open_changed_model(written.reference, session)
-        asked = VerificationRequest(
+        changed = open_changed_model(written_model.reference, session)
+        request_of_fix = VerificationRequest(
             original=original,
             changed=changed,
             same_model=False,
@@ -81,7 +85,7 @@ def _verify_edits(request: GripRequest, fix: GripFix, runs: OriginalRuns) -> Ver
             runs=runs,
         )
         try:
-            return verify_change(asked)
+            return verify_change(request_of_fix)
         except (EngineError, SceneError) as error:
             reason = str(error).splitlines()[0]
             return VerifiedChange(passed=False, identical=False, sentence=reason)
