@@ -167,14 +167,14 @@ class PhaseMeasure:
 
     def first_look(self) -> PhaseBudget:
         """Return the budget at h/4, without checks, excess path or RK4."""
-        return self._build_phase(self.looked.found, excess=False)
+        return self._build_phase(self.looked.values, excess=False)
 
     def budget(self) -> PhaseBudget:
         """Return the budget with those of the wanted rows that the model has.
 
         Errors and windows are of the observed bodies; scales and energies are of all bodies.
         """
-        window_values = self.looked.found
+        window_values = self.looked.values
         for look in self.looked.looks:
             self._measure_more(look, window_values)
         return self._build_phase(window_values, excess=self._settings.excess)
@@ -185,7 +185,7 @@ class PhaseMeasure:
         loaded_names = exercised_rows(self._motion, self._used)
         return [RUN, *(row for row in self._used if row.name in loaded_names)]
 
-    def _build_phase(self, window_values: "_Found", *, excess: bool) -> PhaseBudget:
+    def _build_phase(self, window_values: "_WindowValues", *, excess: bool) -> PhaseBudget:
         model, run, there = self._model, self.run, self._exercised_rows
         real, limits = self._sum_real(window_values), self._extrapolate_limits(window_values)
         energy, energy_rk4 = self._measure_drifts(window_values)
@@ -276,10 +276,10 @@ class PhaseMeasure:
         """First pass over all windows with references at h/4, and data for the second pass."""
         run, settings, rows = self.run, self._settings, self._exercised_rows
         shape, looks, seeds = (self._motion.seeds, len(run.begins)), list[_Look](), 0
-        window_values = _Found.empty(shape, len(self._bodies), [row.name for row in rows])
-        if self._begun is not None and {*self._begun.found.apart} == {*window_values.apart}:
-            looks, seeds = [*self._begun.looks], len(self._begun.found.lost)
-            window_values.begin_with(self._begun.found)
+        window_values = _WindowValues.empty(shape, len(self._bodies), [row.name for row in rows])
+        if self._begun is not None and {*self._begun.values.apart} == {*window_values.apart}:
+            looks, seeds = [*self._begun.looks], len(self._begun.values.lost)
+            window_values.begin_with(self._begun.values)
         valid = run.valid & (np.arange(shape[0]) >= seeds)[:, None]
         for block in blocks(self._model, np.argwhere(valid), (run.steps + 1) * settings.finer):
             windows = Windows(self._undelayed, run, settings.workers, block)
@@ -301,7 +301,7 @@ class PhaseMeasure:
         return Looked(window_values, looks)
 
     def _measure_run(
-        self, windows: Windows, block: np.ndarray, window_values: "_Found"
+        self, windows: Windows, block: np.ndarray, window_values: "_WindowValues"
     ) -> tuple[dict[str, Floats], np.ndarray]:
         """Enter the run's defects.
 
@@ -356,7 +356,7 @@ class PhaseMeasure:
             square = (own**2).sum(axis=-1) - (reference**2).sum(axis=-1)
         return np.nan_to_num(self._model.body_mass[self._bodies] * square / 2)
 
-    def _energy_origin(self, window_values: "_Found") -> Origin:
+    def _energy_origin(self, window_values: "_WindowValues") -> Origin:
         """Return whose kinetic energy the run changes most, in one direction, and in which window.
 
         What goes from the reference in one window and comes back in another is no gain of a body.
@@ -389,7 +389,7 @@ class PhaseMeasure:
         apart = energy_defects(total, around + stored_energy[:, 1:] - stored_energy[:, :1])
         return np.where(gave_up[:, None], np.nan, apart)
 
-    def _measure_drifts(self, window_values: "_Found") -> tuple[Floats, Floats]:
+    def _measure_drifts(self, window_values: "_WindowValues") -> tuple[Floats, Floats]:
         """Return (S,) drifts of energy, against the run's own integrator and against RK4.
 
         RK4 treats dampers explicitly, and may be the one that is wrong. So where it would tell of
@@ -423,7 +423,7 @@ class PhaseMeasure:
         velocities[failed] = np.nan
         return velocities
 
-    def _measure_more(self, look: "_Look", window_values: "_Found") -> None:
+    def _measure_more(self, look: "_Look", window_values: "_WindowValues") -> None:
         """Enter the requested numbers beyond the first pass."""
         settings, place = self._settings, tuple(look.block.T)
         windows = Windows(self._undelayed, self.run, settings.workers, look.block)
@@ -441,7 +441,7 @@ class PhaseMeasure:
                 windows, window_values.total[place], _RK4_RATE
             )
 
-    def _sum_real(self, window_values: "_Found") -> Floats:
+    def _sum_real(self, window_values: "_WindowValues") -> Floats:
         """Return (S, B) real impulses over mass, the scale of errors [m/s]."""
         run, sums = self.run, np.cumsum(self._pulls, axis=1)
         sums = np.concatenate([0 * sums[:, :1], sums], axis=1)
@@ -453,7 +453,7 @@ class PhaseMeasure:
         return scale_of_impulses(real)
 
     def _build_reading(
-        self, row: Row, window_values: "_Found", real: Floats, *, exercised: bool
+        self, row: Row, window_values: "_WindowValues", real: Floats, *, exercised: bool
     ) -> Reading:
         about = row.name, row.summary, row.kind
         if not exercised:
@@ -548,7 +548,7 @@ class PhaseMeasure:
             cause = self._find_place(warning.seed, warning.window - 1, models, body)
         return replace(warning, cause=cause)
 
-    def _measure_drift(self, window_values: "_Found", parts: Floats) -> Floats:
+    def _measure_drift(self, window_values: "_WindowValues", parts: Floats) -> Floats:
         """Return (S,) drifts of energy over all of it that there was.
 
         That is what the start had above the lowest potential energy, and what the reference added;
@@ -580,10 +580,10 @@ class PhaseMeasure:
                     found_drifts[seed] = drift(own / scale)
         return found_drifts
 
-    def _measure_excess(self, window_values: "_Found", real: Floats) -> Floats:
+    def _measure_excess(self, window_values: "_WindowValues", real: Floats) -> Floats:
         return np.maximum(0, (window_values.excess.sum(axis=1) / real).mean(axis=0))[self._observed]
 
-    def _measure_peak(self, window_values: "_Found") -> float:
+    def _measure_peak(self, window_values: "_WindowValues") -> float:
         speed = window_values.speed.max(axis=1, keepdims=True)
         with np.errstate(invalid="ignore", divide="ignore"):
             parts = np.where(speed > 0, window_values.apart[RUN.name] / speed, 0)[
@@ -591,7 +591,7 @@ class PhaseMeasure:
             ]
         return float(np.nanmax(parts, initial=0))
 
-    def _extrapolate_limits(self, window_values: "_Found") -> Floats:
+    def _extrapolate_limits(self, window_values: "_WindowValues") -> Floats:
         """Return (B,) factors from shares at h/4 to those at the limit of fine steps."""
         checked = self._find_checked(window_values)
         run, finer = (
@@ -599,7 +599,7 @@ class PhaseMeasure:
         )
         return to_the_limit(run, finer)
 
-    def _bound_error(self, window_values: "_Found", real: Floats) -> float:
+    def _bound_error(self, window_values: "_WindowValues", real: Floats) -> float:
         """Return at most how far the run is from the limit of fine steps, of the worst body.
 
         NaN where nothing was checked. In first order that limit is as far from a reference at h/8
@@ -613,7 +613,7 @@ class PhaseMeasure:
         apart = np.stack([apart, window_values.apart[RUN.name]]).sum(axis=2)
         return float((apart / real).mean(axis=1)[:, self._observed].max())
 
-    def _find_checked(self, window_values: "_Found") -> np.ndarray:
+    def _find_checked(self, window_values: "_WindowValues") -> np.ndarray:
         """Return (S, W) whether a window was gone through by both references."""
         return ~np.isnan(window_values.checked[..., 0]) & ~window_values.lost
 
@@ -648,11 +648,11 @@ class _Look(NamedTuple):
 class Looked(NamedTuple):
     """A first look at windows."""
 
-    found: "_Found"
+    values: "_WindowValues"
     looks: list[_Look]
 
 
-class _Found(NamedTuple):
+class _WindowValues(NamedTuple):
     """Measurements in S x W windows, of B bodies."""
 
     apart: dict[str, Floats]  # (S, W, B) defects of each row [m/s]
@@ -671,7 +671,7 @@ class _Found(NamedTuple):
     added: Floats  # (S, W) how much the reference's energy rose [J]
     lost: np.ndarray  # (S, W) whether the reference gave up
 
-    def begin_with(self, other: "_Found") -> None:
+    def begin_with(self, other: "_WindowValues") -> None:
         """Enter the measurements of the first seeds."""
         for name, first_values in other.apart.items():
             self.apart[name][: len(first_values)] = first_values
@@ -679,7 +679,7 @@ class _Found(NamedTuple):
             own[: len(first_values)] = first_values
 
     @classmethod
-    def empty(cls, shape: tuple[int, int], bodies: int, names: Iterable[str]) -> "_Found":
+    def empty(cls, shape: tuple[int, int], bodies: int, names: Iterable[str]) -> "_WindowValues":
         """Return arrays to enter into; windows that are never entered count nothing."""
 
         def bodies_of() -> Floats:

@@ -21,7 +21,7 @@ from pydantic_core import PydanticCustomError
 
 from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.schema.setting_values import parse_decimal
-from contactlab.schema.strict_model import Model, Number, Positive, Word, about, listed
+from contactlab.schema.strict_model import Model, Number, Positive, Word, about, list_word
 
 DRIVE_WORDS = ("auto", "none", "hold", "exercise")
 """Drives that a word names."""
@@ -87,7 +87,7 @@ class PolicyDrive(Model):
     noise: ObservationNoise = about(
         "of its observations; by the run's seed", default=ObservationNoise()
     )
-    files: Annotated[tuple[Word, ...], BeforeValidator(listed)] = about(
+    files: Annotated[tuple[Word, ...], BeforeValidator(list_word)] = about(
         "files that it reads, such as its weights, next to it", default=()
     )
     sha256: FileHash = None

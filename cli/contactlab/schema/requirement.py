@@ -18,7 +18,7 @@ from contactlab.contact.required_words import ContactWord, End, MotionWord
 from contactlab.errors import did_you_mean
 from contactlab.expression import Expression, ExpressionError
 from contactlab.schema.setting_values import read_quantity
-from contactlab.schema.strict_model import Term, Word, listed
+from contactlab.schema.strict_model import Term, Word, list_word
 
 RequirementWord = MotionWord | ContactWord
 _KEYS = ("by", "from", "until")
@@ -170,7 +170,7 @@ def _check_text(text: str) -> str:
 _WRITTEN = rf"^\s*({'|'.join(_FORMS)})\s*\(.+\)\s*$"
 _Text = Annotated[Word, AfterValidator(_check_text), Field(json_schema_extra={"pattern": _WRITTEN})]
 _Texts = tuple[_Text, ...]
-Requirements = Annotated[_Texts, BeforeValidator(listed, json_schema_input_type=_Text | _Texts)]
+Requirements = Annotated[_Texts, BeforeValidator(list_word, json_schema_input_type=_Text | _Texts)]
 """Requirements as written, checked; one alone needs no list."""
 
 

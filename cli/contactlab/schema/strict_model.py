@@ -180,10 +180,10 @@ Tolerance = Annotated[
 ]
 
 
-def listed(value: object) -> object:
+def list_word(value: object) -> object:
     """Return a word as a list of one."""
     return (value,) if isinstance(value, str) else value
 
 
 _Several = Annotated[tuple[Word, ...], Field(min_length=1)]
-Words = Annotated[_Several, BeforeValidator(listed, json_schema_input_type=Word | _Several)]
+Words = Annotated[_Several, BeforeValidator(list_word, json_schema_input_type=Word | _Several)]
