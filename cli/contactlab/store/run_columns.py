@@ -83,7 +83,7 @@ class RunColumns:
         return shared_fields(self.schema)
 
     @cached_property
-    def listed(self) -> Mapping[str, Any]:
+    def column_descriptions(self) -> Mapping[str, Any]:
         """The file's description of columns for readers without Arrow; empty if it has none."""
         return listed_columns(self.schema)
 

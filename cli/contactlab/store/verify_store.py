@@ -242,7 +242,7 @@ def _check_columns(store: Store) -> Iterator[str]:
 def _check_sweep(store: Store) -> Iterator[str]:
     sweep, columns = store.manifest.sweep, store.columns
     # A baseline has no list of columns, which is informative only.
-    listed_columns = columns.listed
+    listed_columns = columns.column_descriptions
     described = {field.name: texts_of(field.metadata) for field in columns.schema}
     for name in described.keys() | listed_columns.keys() if listed_columns else ():
         if listed_columns.get(name) != described.get(name):
