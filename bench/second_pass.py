@@ -3,7 +3,8 @@
 Run: python -m bench.second_pass [TREE ...]
 
 Each TREE is the root of another checkout, whose package is measured beside this one, interleaved;
-it must run with what is installed here. Shown are medians over rounds.
+it must run with what is installed here. Shown are medians over rounds, with least and most, and
+the number of steps that it must make for one of the run.
 """
 
 import json
@@ -16,11 +17,14 @@ from statistics import median
 
 import mujoco
 
+from contactlab.budget.measuring import FINER, WINDOW
+from contactlab.budget.motion import motion_of_run
+from contactlab.budget.windows import cut
 from contactlab.engines import PreparedRuns
 from contactlab.engines.mujoco_batch import driven_inputs, start_batch
 from contactlab.scene.scene import Scene
 
-SCENES = ("ball_drop", "box_stack", "gripping_pad", "grasp_mug")
+SCENES = ("mug_drop", "grasp_mug", "box_stack", "ball_drop", "gripping_pad")
 SEEDS, ROUNDS, REPEATS = 2, 3, 3
 HERE = Path(__file__).parents[1]
 _CHILD = """
@@ -67,6 +71,19 @@ def bare_steps(scene: str) -> float:
     return spent
 
 
+def least_steps(scene: str) -> float:
+    """Return how many steps a second pass cannot do without, for one of the run.
+
+    It makes the run again, and in each window a reference at a quarter of the step, which goes on
+    for one step of the run.
+    """
+    loaded = Scene.open(scene)
+    assert loaded.source.manifest is not None
+    runs = PreparedRuns.of(loaded, loaded.resolve({}, 0, loaded.source.manifest.duration))
+    length, begins = cut(motion_of_run(runs.models[0], runs.starts, 0, runs.steps), WINDOW)
+    return 1 + FINER * (length + 1) * len(begins) / runs.steps
+
+
 def main() -> None:
     """Print a line for each scene: a column for each tree, this one first."""
     trees = [HERE, *map(Path, sys.argv[1:])]
@@ -77,8 +94,12 @@ def main() -> None:
             bare.append(bare_steps(scene))
             for times, tree in zip(found, trees, strict=True):
                 times.extend(second_passes(tree, scene))
-        shares = "  ".join(f"{median(times) / median(bare):6.2f}" for times in found)
-        print(f"{scene:14}{shares}", flush=True)
+        one = median(bare)
+        shares = (
+            f"{median(times) / one:6.2f} ({min(times) / one:.2f}..{max(times) / one:.2f})"
+            for times in found
+        )
+        print(f"{scene:14}{'  '.join(shares)}  least {least_steps(scene):.2f} steps", flush=True)
 
 
 if __name__ == "__main__":

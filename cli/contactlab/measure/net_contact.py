@@ -112,7 +112,7 @@ def net_contact(
         first, second = friction[rows, runs].repeat(steps, axis=0).T
         stretch = np.where(first == second, 1, first / second)
         parts = [pairs[row].slots[run][:, : filled[row, run]] for row, run in group]
-        columns = _gather_columns(parts[0] if len(parts) == 1 else np.concatenate(parts))
+        columns = _gather_columns(parts)
         cone = _Cone(first, stretch, bool(elliptic[runs[0]]))
         alone = cone.norm(columns.force)
         reduced = np.array(_reduce_steps(columns, contacts[rows, runs].ravel(), cone, alone))
@@ -144,20 +144,26 @@ def _alike_runs(
     yield from groups.values()
 
 
-def _gather_columns(slots: Floats) -> _SlotColumns:
-    # `slots` is (T, S, 23).
-    if slots.strides[-1] != slots.itemsize:
-        slots = np.ascontiguousarray(slots)
-    tangential_force = slice(FORCE.start + 1, FORCE.stop)
-    slip_fields = slice(LINEAR_VELOCITY.start + 1, LINEAR_VELOCITY.stop)
-    return _SlotColumns(
-        normal=np.ascontiguousarray(slots[:, :, _NORMAL_FORCE].T),
-        distance=np.ascontiguousarray(slots[:, :, DISTANCE].T),
-        force=_complex_field(slots, tangential_force)[0],
-        velocity=_complex_field(slots, slip_fields)[0],
-        turning=np.ascontiguousarray(slots[:, 0, ANGULAR_VELOCITY].T),
-        frame=_complex_field(slots, _FRAME_FIELDS) if slots.shape[1] > 1 else None,
-    )
+def _gather_columns(runs: Sequence[Floats]) -> _SlotColumns:
+    """Gather the columns of runs of as many slots, (N, S, 23) each, one after the other."""
+    steps, slots, _ = runs[0].shape
+    numbers = np.empty((2, slots, len(runs) * steps))
+    neighbors = np.empty((2, slots, len(runs) * steps), complex)
+    turning = np.empty((3, len(runs) * steps))
+    frame = np.empty((3, *neighbors.shape[1:]), complex) if slots > 1 else None
+    for place, run in enumerate(runs):
+        some = slice(place * steps, (place + 1) * steps)
+        part = run if run.strides[-1] == run.itemsize else np.ascontiguousarray(run)
+        numbers[0, :, some] = part[:, :, _NORMAL_FORCE].T
+        numbers[1, :, some] = part[:, :, DISTANCE].T
+        for row, field in enumerate((FORCE, LINEAR_VELOCITY)):
+            along = part[:, :, field.start + 1 : field.stop].view(complex)
+            neighbors[row, :, some] = along[:, :, 0].T
+        turning[:, some] = part[:, 0, ANGULAR_VELOCITY].T
+        if frame is not None:
+            frame[:, :, some] = part[:, :, _FRAME_FIELDS].view(complex).transpose(2, 1, 0)
+    (normal, distance), (force, velocity) = numbers, neighbors
+    return _SlotColumns(normal, distance, force, velocity, turning, frame)
 
 
 def _reduce_steps(
@@ -204,12 +210,6 @@ def _find_worst(
         distance.max(initial=0),
         standoff,
     )
-
-
-def _complex_field(slots: Floats, field: slice) -> Complexes:
-    """Return (k, S, T) a field of 2 k numbers as complex numbers."""
-    pairs = slots[:, :, field].view(np.complex128)
-    return np.ascontiguousarray(pairs.transpose(2, 1, 0))
 
 
 def _sum_slots(columns: _SlotColumns, cone: _Cone) -> tuple[Floats, Floats, Floats, Floats]:
