@@ -159,9 +159,11 @@ def _chosen_runs(store: Store) -> Iterator[str]:
 def _value_table(axes: Sequence[GridAxis], labels: RunLabels, share: ShareWords) -> Iterator[Block]:
     """Yield the numbers of runs by label for each axis value, the most important axes first."""
     rows: list[tuple[object, ...]] = []
+    alike: list[str] = []
     for axis in axes:
         if len(rows) + len(axis.ticks) > _MOST_ROWS:
             continue
+        first = len(rows)
         for code, tick in enumerate(axis.ticks):
             codes = Counter(labels.codes[axis.codes == code].tolist())
             here = Counter({labels.names[label]: count for label, count in codes.items()})
@@ -169,6 +171,13 @@ def _value_table(axes: Sequence[GridAxis], labels: RunLabels, share: ShareWords)
             most = ", ".join(f"{label} {count}" for label, count in others.most_common(2))
             stable = share(here["stable"], here.total())
             rows.append((axis.title, tick, here.total(), stable, most))
-    yield table_of(("axis", "value", "runs", "stable", "other labels"), rows)
-    if other_axes := [axis.name for axis in axes if not any(row[0] == axis.title for row in rows)]:
+        if len(axis.ticks) > 1 and len({row[2:] for row in rows[first:]}) == 1:
+            del rows[first:]
+            alike.append(axis.name)
+    if rows:
+        yield table_of(("axis", "value", "runs", "stable", "other labels"), rows)
+    if alike:
+        yield Sentence(f"The same counts at each value of {', '.join(alike)}.")
+    shown = {*alike, *(axis.name for axis in axes if any(row[0] == axis.title for row in rows))}
+    if other_axes := [axis.name for axis in axes if axis.name not in shown]:
         yield Sentence(f"also swept: {', '.join(other_axes)}")

@@ -121,7 +121,7 @@ function nearestStable(columns, row) {
   }
   if (best === null) return { row: null, alike };
   const changes = metadata.axes.filter((_, at) => codes[at][best] !== codes[at][row]);
-  return { row: best, changes: changes.map((axis) => `${axis.title} ${axisText(columns, axis, row)} → ${axisText(columns, axis, best)}`) };
+  return { row: best, changes: changes.map((axis) => `${axis.name} ${axisText(columns, axis, row)} → ${axisText(columns, axis, best)} ${axis.amount}`.trim()) };
 }
 
 function changePart(columns, row, open) {

@@ -131,7 +131,7 @@ def tune_model(
     session = replace(session, folder=session.folder.resolve())
     examined = open_model(request.model, session, request.task)
     session.claim("tune", request.model)
-    session.notify(f"tuning {request.model}: {examined.task.line}")
+    session.notify(f"tuning {request.model}")
     problem = TuningProblem(request, examined, max(1, session.workers), allowed)
     study = TuningStudy(request, session, problem, allowed)
     report = study.run_study() if cached_report is None else cached_report
