@@ -32,16 +32,17 @@ class _Violated(NamedTuple):
     loads: Floats  # (K,) forces that owe to the load
     powers: Floats  # (K,) of both [W]
     shapes: Floats  # (K, 2) stiffness and damping
-    depths: Floats  # (K,) by which they have their impedances
+    depths: Floats  # (K,) that give their impedances
     solimp: Floats  # (K, 5)
 
 
 class ConstraintEnergy:
     """Computes the energy that contacts, limits and equalities would give back to motion.
 
-    It is the work of what their forces owe to positions, along a violation that shrinks to none,
-    times their restitution. After semi-implicit steps, whose velocities lag by half of one, what
-    all forces that have a potential do in half a step is added: docs/theory/error-budget.md.
+    It is the work of the part of their forces that depends on positions, along a violation that
+    shrinks to none, times their restitution. The velocities of semi-implicit steps lag by half a
+    step, so the work of all forces with a potential in half a step is added:
+    docs/theory/error-budget.md.
     """
 
     def __init__(self, model: mujoco.MjModel, *, constraints: bool = True) -> None:
@@ -119,7 +120,7 @@ class ConstraintEnergy:
         return power, _Violated(violations, springs, forces - springs, powers, shape, *softness)
 
     def _gather_softness(self, violations: Floats, rows: np.ndarray) -> tuple[Floats, Floats]:
-        """Return (K,) depths and (K, 5) solimp by which rows of constraints have impedances."""
+        """Return (K,) depths and (K, 5) solimp that give rows of constraints their impedances."""
         model, data = self._model, self._data
         kinds, numbers = data.efc_type[rows], data.efc_id[rows]
         depths, solimp = np.abs(violations), np.empty((len(rows), 5))

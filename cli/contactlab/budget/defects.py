@@ -20,9 +20,9 @@ def defects(one: Floats, other: Floats) -> Floats:
     """Return (M, B) how far velocities are apart, up to a shift in time by one step of the run.
 
     Both are (M, 2 r + 1, B, 6), from one step before the end of the window to one after, with r of
-    their own, and straight in between: with the points alone, how far they lie apart would count.
+    their own, and straight in between, because the distance between the points must not count.
     The time of an event is uncertain by a step in any stepping, so each motion's end is compared
-    with all of the other's: with one side alone, what stands still agrees with all that passes
+    with all of the other's. With one side alone, a body at rest agrees with any motion that passes
     through rest.
     """
     with np.errstate(invalid="ignore", over="ignore"):
@@ -34,8 +34,9 @@ def defects(one: Floats, other: Floats) -> Floats:
 def to_the_limit(quarter: Floats, eighth: Floats) -> Floats:
     """Return (B,) factors from defects against h/4 (B,) to those against the limit of fine steps.
 
-    Extrapolated as Richardson does from those against h/8 (B,): in first order, what h/8 adds to
-    h/4 is half of what is left to add. At least a half, and 1 for what gave up or has no defect.
+    Extrapolated as Richardson does from those against h/8 (B,): in first order, the step from h/4
+    to h/8 is half of the remaining distance. At least a half, and 1 for a body without a defect or
+    a motion that gave up.
     """
     is_usable = (quarter > 0) & np.isfinite(quarter) & np.isfinite(eighth)
     factors = 2 * np.where(is_usable, eighth, 1) / np.where(is_usable, quarter, 1) - 1
@@ -51,8 +52,9 @@ def paths(velocities: Floats) -> Floats:
 def energy_defects(end: Floats, around: Floats) -> Floats:
     """Return (M, 2) by how much energies (M,) leave those of the reference [J].
 
-    First the range of (M, K), which that has around the end; what is within rounding of the
-    energies is 0. Then what the range forgives: the distance from its middle, less that.
+    The first is the distance from the range of (M, K) around the end; 0 within rounding of the
+    energies. The second is the part that the range forgives: the distance from its middle, less the
+    first.
     """
     with np.errstate(invalid="ignore", over="ignore"):
         low, high = around.min(axis=1), around.max(axis=1)
@@ -66,7 +68,7 @@ def energy_defects(end: Floats, around: Floats) -> Floats:
 def settled(defects_by_rate: Floats) -> Floats:
     """Return (W,) defects of energy, from (W, 2) of windows that follow upon each other.
 
-    What was forgiven to one is taken off the next, where it is of the other sign: an event that
+    The forgiven part of one window is subtracted from the next if the signs differ: an event that
     the run has a step too early, or a part of it, is missing afterwards.
     """
     apart, forgiven = defects_by_rate.T
@@ -78,10 +80,10 @@ def settled(defects_by_rate: Floats) -> Floats:
 def drift(shares: Floats) -> float:
     """Return the drift of sums over windows, from (W,) defects as shares of all energy.
 
-    The larger of two: the mean of the last third of the sums less that of the first, times 3/2,
-    which is the whole of a steady drift, but no more than the sums reach in that third; and what no
-    sum of it gives back, which is the whole of one that ended early, as of what is damped to rest.
-    What goes up and down and comes back leaves little of either.
+    The larger of two. One is the mean of the last third of the sums less that of the first, times
+    3/2, but no more than the sums reach in that third: the whole of a steady drift. The other is
+    the part that every sum of the last third keeps: the whole of a drift that ended early, as in a
+    motion that is damped to rest. A sum that goes up and down and comes back has little of either.
     """
     with np.errstate(invalid="ignore", over="ignore"):
         sums = np.cumsum(shares)

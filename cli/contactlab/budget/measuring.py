@@ -336,11 +336,11 @@ class PhaseMeasure:
         return {"run": last, "reference": end}, lost
 
     def _measure_stored(self, windows: Windows, names: Sequence[str], kept_parts: Floats) -> Floats:
-        """Return (N, M, 1 + K) what is stored at the beginning, and in states (M, K, kept) [J].
+        """Return (N, M, 1 + K) stored energy at the beginning, and in states (M, K, kept) [J].
 
-        N named bases differ in the length of their steps alone. Constraints store nothing where
-        refsafe gives the run's other springs than the reference has: these would lift what the
-        run's let sink, window by window.
+        N named bases differ in the length of their steps alone. Constraints store nothing if
+        refsafe gives the run other springs than the reference: these would lift bodies that the
+        run's springs let sink, window by window.
         """
         states = windows.states(np.concatenate([windows.own[:, :1], kept_parts], axis=1))
         # Forces of some models depend on the step.
@@ -357,9 +357,9 @@ class PhaseMeasure:
         return np.nan_to_num(self._model.body_mass[self._bodies] * square / 2)
 
     def _energy_origin(self, window_values: "_WindowValues") -> Origin:
-        """Return whose kinetic energy the run changes most, in one direction, and in which window.
+        """Return the body whose kinetic energy changes most in one direction, and the window.
 
-        What goes from the reference in one window and comes back in another is no gain of a body.
+        Energy that leaves the reference in one window and returns in another is not a gain.
         """
         gained = np.where(self.run.valid[..., None], window_values.gained, 0)
         total = gained.sum(axis=(0, 1))
@@ -392,8 +392,8 @@ class PhaseMeasure:
     def _measure_drifts(self, window_values: "_WindowValues") -> tuple[Floats, Floats]:
         """Return (S,) drifts of energy, against the run's own integrator and against RK4.
 
-        RK4 treats dampers explicitly, and may be the one that is wrong. So where it would tell of
-        more, it is asked with half its step again: NaN where it then says otherwise.
+        RK4 treats dampers explicitly, and may be the one that is wrong. So if its
+        drift is larger, it is measured again with half its step: NaN if the two differ.
         """
         own, rk4 = (
             self._measure_drift(window_values, window_values.energy),
@@ -551,9 +551,9 @@ class PhaseMeasure:
     def _measure_drift(self, window_values: "_WindowValues", parts: Floats) -> Floats:
         """Return (S,) drifts of energy over all of it that there was.
 
-        That is what the start had above the lowest potential energy, and what the reference added;
-        or the most that there was at once but for what the run itself had gained; or weight times
-        size.
+        That is the energy of the start above the lowest potential energy, and the energy that the
+        reference added; or the largest energy at one time, less the gain of the run itself; or
+        weight times size.
         """
         model = self._model
         size = max(
@@ -575,7 +575,7 @@ class PhaseMeasure:
                 )
                 had -= window_values.lowest[seed][valid].min()
                 scale = max(had, weight[seed], usual) + 1e-300
-                # No run loses more than there is: what it lacks then, the reference gained.
+                # No run loses more than there is: a larger loss is a gain of the reference.
                 if (own >= -scale - np.maximum(np.cumsum(own) - own, 0)).all():
                     found_drifts[seed] = drift(own / scale)
         return found_drifts
@@ -603,8 +603,8 @@ class PhaseMeasure:
         """Return at most how far the run is from the limit of fine steps, of the worst body.
 
         NaN where nothing was checked. In first order that limit is as far from a reference at h/8
-        as that is from one at h/4, whether or not they come nearer to the run. What slack forgives
-        of that is in the run's share, which is at the limit already.
+        as that is from one at h/4, whether or not they come nearer to the run. The part
+        that slack forgives is in the run's share, which is at the limit already.
         """
         checked = self._find_checked(window_values)
         if not checked.any():
@@ -663,8 +663,8 @@ class _WindowValues(NamedTuple):
     checked: Floats  # (S, W, B) defects of the reference; NaN where it was not checked
     finer: Floats  # (S, W, B) defects of the run against the finer reference there
     gained: Floats  # (S, W, B) kinetic, beyond the reference's at the end [J]
-    total: Floats  # (S, W) the run's energy at the end, less what constraints stored before [J]
-    energy: Floats  # (S, W, 2) defects, and what was forgiven [J]
+    total: Floats  # (S, W) the run's energy at the end, less that stored in constraints before [J]
+    energy: Floats  # (S, W, 2) defects, and their forgiven parts [J]
     energy_rk4: Floats  # (S, W, 2)
     held: Floats  # (S, W, 2) the reference's energy at the start, and its largest [J]
     lowest: Floats  # (S, W) least potential energy [J]

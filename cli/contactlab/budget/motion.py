@@ -25,11 +25,11 @@ GRAVITY_AS_REAL = 0.1
 class Motion:
     """One phase of a task: a model moved from S starts, each by inputs of its own.
 
-    Inputs are replayed as they were stored, at the run's own rate. Of a policy, that is what it
-    did; whether its loop would be stable at another step is not asked.
+    The stored inputs are replayed at the run's own rate. For a policy, these are its actions;
+    whether its loop would be stable at another step is not judged.
 
     Attributes:
-        model: as its author wrote it; its timestep, solver and integrator are what is judged.
+        model: as its author wrote it; its timestep, solver and integrator are judged.
         starts: (S, nstate) states before the first step, as `mj_getState` gives them for
             mjSTATE_INTEGRATION, one row for each seed.
         inputs: (S, N, width) set before each of N steps; a width of 0 leaves the starts' own.
@@ -37,8 +37,8 @@ class Motion:
         name: of the phase.
         observed: bodies whose shares count; all if empty.
         usual: (nbody,) how fast velocities of bodies change in the whole task, on the mean
-            [m/s^2]: what a phase in which they stand is measured by, where nothing weighs; what
-            they do in this phase if None.
+            [m/s^2]. It is the measure of a phase without weight and motion; None takes the mean of
+            this phase.
     """
 
     model: mujoco.MjModel
@@ -85,7 +85,7 @@ class Motion:
         return self.inputs[seed, np.minimum(steps, self.steps - 1)]
 
     def state_part(self, bit: int) -> Floats:
-        """Return (S, N, width) what each step is given of one part of the state, such as forces."""
+        """Return (S, N, width) the inputs of each step to a part of the state, such as forces."""
         width = mujoco.mj_stateSize(self.model, bit)
         rows, spec = self.inputs, self.spec
         if not (self.inputs.shape[2] and spec & bit):

@@ -54,10 +54,10 @@ class Reading:
 
 
 class Origin(NamedTuple):
-    """Where an energy drift comes from."""
+    """The place and time of an energy drift."""
 
     body: str
-    place: str  # what acts differently on the body; "" if nothing does
+    place: str  # the contact or joint that acts differently on the body; "" if none does
     time: float  # of the beginning of the window [s]
 
 

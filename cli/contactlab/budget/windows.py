@@ -115,12 +115,12 @@ def _make_steps(
 
 @dataclass(frozen=True)
 class Run:
-    """What a motion's own settings made of it, and where its windows begin.
+    """The motion with its own settings, and the beginnings of its windows.
 
     Attributes:
         steps: n, of a window; all windows are equally long.
-        begins: (W,) step at which each begins. They are contiguous, but for the last, which begins
-            earlier where the number of steps is no multiple of n.
+        begins: (W,) step at which each begins. They are contiguous, except the last, which begins
+            earlier if the number of steps is not a multiple of n.
         starts: (S, W, nstate) states of mjSTATE_INTEGRATION there.
         velocity_states: (S, N + 2, kept) the parts of states that velocities depend on, before each
             step, after the last, and after one more.
@@ -182,7 +182,7 @@ def replay(motion: Motion, window: float, workers: int, known_states: Floats | N
 
 
 def cut(motion: Motion, window: float) -> tuple[int, NDArray[np.intp]]:
-    """Return how many steps windows of about that length [s] have, and before which they begin."""
+    """Return the steps of windows of about that length [s], and the first step of each."""
     steps = motion.steps
     length = min(steps, max(1, round(window / motion.model.opt.timestep)))
     return length, np.minimum(np.arange(-(-steps // length)) * length, steps - length)
@@ -305,7 +305,7 @@ class Windows:
     def states(self, kept_parts: Floats) -> Floats:
         """Return (M, K, nstate) states of mjSTATE_INTEGRATION, from (M, K, kept) parts of them.
 
-        The rest is as each window begins, but for inputs, which are those of its last step.
+        The rest is as at the begin of each window, except inputs, which are those of its last step.
         """
         states = self.starts[:, None].repeat(kept_parts.shape[1], axis=1)
         if self._inputs is not None:

@@ -217,8 +217,8 @@ def choose_judge(
 ) -> ComparePolicy:
     """Return a policy that says whether each pair of runs is judged, or all together.
 
-    A changed model is judged by all pairs together if these are enough to tell a change of all.
-    With fewer, no change at all would be told.
+    A changed model is judged by all pairs together if these are enough to show a change of all.
+    With fewer, no change at all would be shown.
     """
     judge = policy.judge
     if judge == "auto":

@@ -1,7 +1,7 @@
-"""Checks of a changed model: what changed in most pairs of runs, whichever runs these are.
+"""Checks of a changed model: changes in most pairs of runs, whichever runs these are.
 
 After a contact, the motion of a robot amplifies any change, even one of rounding. A single run then
-says nothing: its label may flip without a cause. What a change does to all runs can be told.
+says nothing: its label may flip without a cause. An effect on all runs can be shown.
 """
 
 import math
@@ -24,7 +24,7 @@ from contactlab.store.run_columns import NumberColumn
 
 
 def pairs_to_tell(metrics: int) -> int:
-    """Return the number of pairs from which a change of all of them is told by some metrics."""
+    """Return the number of pairs that some metrics need to show a change of all of them."""
     return _pairs_for(_sure_of_each(metrics))
 
 

@@ -123,7 +123,7 @@ class FileSearch:
                     )
 
     def find_included(self, element: ET.Element, file: Path, base: Path) -> Reference:
-        """Return what an <include> of a file includes, in a model that lies in a base folder."""
+        """Return the file that an <include> names, in a model of a base folder."""
         name = element.get("file", "")
         reference, beside = (self.find_file(folder, name) for folder in (base, file.parent))
         is_right = reference.path.is_file() or not beside.path.is_file()
@@ -242,7 +242,7 @@ class SceneFiles:
 
 
 def collect_files(model: Path, beside: Sequence[Path] = (), copy: Path | None = None) -> SceneFiles:
-    """Return the model file, its includes and assets, the manifest and what that names, if any.
+    """Return the model file, its includes and assets, the manifest and its files, if any.
 
     Missing assets are left for the compiler to report: it does not need them all. Besides the model
     are the manifest and the files that it names; the folder of a store's copy may hold them. A
@@ -298,7 +298,7 @@ def _make_plain_path(path: Path) -> Path:
 
 
 def relative_path(path: Path, folder: Path) -> Path:
-    """Return a path that leads from a folder to what another path leads to from here."""
+    """Return the path from a folder to the file of a path that starts here."""
     end, start = _make_plain_path(path), _make_plain_path(folder)
     shared = next(parent for parent in (start, *start.parents) if end.is_relative_to(parent))
     ascent = [".."] * (len(start.parts) - len(shared.parts))

@@ -129,7 +129,7 @@ def exchange_folders(new: Path, target: Path) -> None:
 
 
 def move_folder(source: Path, target: Path) -> None:
-    """Rename a folder, even if the system reports a failure of what it did, as NFS may."""
+    """Rename a folder, even if the system reports the failure of a success, as NFS may."""
     moved = source.stat()
     try:
         source.rename(target)

@@ -1,6 +1,6 @@
 """Time that accuracy costs: a sweep that measures errors and times, then its analysis.
 
-The analysis of a stored sweep stands by itself in `contactlab.pareto`, without an engine.
+The analysis of a stored sweep is in `contactlab.pareto`, and needs no engine.
 """
 
 from collections.abc import Sequence
@@ -32,13 +32,13 @@ from contactlab.temporary_folders import temporary_folder
 
 @dataclass(frozen=True)
 class TradeoffRequest:
-    """Which configurations to evaluate, and by what."""
+    """The configurations to evaluate, and the criteria."""
 
     source: str  # a store, a sweep file, or the name of a shipped sweep
     criteria: Criteria  # which error stands for accuracy, and tolerances over the sweep's
     # Where the store of a sweep goes; if None, under its name in the session's folder.
     store: Address | None = None
-    # What replaces parts of the task of a sweep, whatever it and its scene say.
+    # Options that replace parts of the task of a sweep and its scene.
     task: TaskOptions = AS_INFERRED
     model: Path | None = None  # folder to write the model with the recommendation into
 
@@ -46,11 +46,11 @@ class TradeoffRequest:
 def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
     """Evaluate the configurations of a store, after running the sweep if it is one.
 
-    A sweep is run with errors and times measured, and with the scene as written beside, even if its
-    file does not ask for them. The session is notified of what looks wrong in it. What is
-    recommended is written into the store's copy of the model; what cannot be is noted. Raises a
-    SweepFileError if the sweep holds mistakes, or the criteria name what it does not measure; a
-    StoreError if the store has no error to evaluate; a StoppedError if the session was stopped.
+    A sweep is run with errors, times and a baseline of the scene as written, even if its file does
+    not request them. The session is notified of likely mistakes in it. The recommendation is
+    written into the store's copy of the model; a note names settings that cannot be. Raises a
+    SweepFileError if the sweep holds mistakes, or lacks a metric of the criteria; a StoreError if
+    the store has no error to evaluate; a StoppedError if the session was stopped.
     """
     refuse_lengths(request.task)
     stored = find_store(request.source, request.store)
@@ -88,7 +88,7 @@ def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
 def _write_choice(
     report: TradeoffReport, pick: Recommendation | None, folder: Path, store: Store
 ) -> tuple[Recommendation | None, Sequence[str]]:
-    """Return what to use with what it changes in the model, written into a folder; and why not."""
+    """Return the recommendation with its changes of the model, written into a folder; notes."""
     if pick is None:
         return None, ()
     own = report.baseline.configuration if report.baseline else {}

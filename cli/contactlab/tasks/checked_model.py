@@ -127,7 +127,7 @@ class CheckedModel:
 
     @cached_property
     def name_geoms(self) -> Replacer:
-        """What is said of a text with geoms that nobody named: their bodies."""
+        """The replacer of unnamed geoms in a text by their bodies."""
         return geom_name_replacer(self.base.model)
 
     @cached_property
@@ -280,7 +280,7 @@ class CheckedModel:
         return [CheckedRun(self.scene, run, store) for run in runs]
 
     def elsewhere(self, workers: int) -> "CheckedModel":
-        """Return the model with runs in so many other processes."""
+        """Return the model with runs in `workers` other processes."""
         return replace(self, session=replace(self.session, workers=workers))
 
     def measure(

@@ -24,9 +24,9 @@ from contactlab.store.atomic_files import atomic_write, write_errors
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import read_stored
 
-CLAIMS = "sources.json"  # whose results a folder of studies has
+CLAIMS = "sources.json"  # the models and scenes that a folder of studies has results of
 REMOVE = "remove it, or write elsewhere with -o"
-"""What helps where a folder of studies has a store that cannot be resumed."""
+"""The advice if a folder of studies has a store that cannot be resumed."""
 Values = Mapping[str, object]  # canonical values by axis
 _Kind = TypeVar("_Kind")
 
@@ -60,7 +60,7 @@ class Session:
         self.write({CLAIMS: json.dumps(claimed, indent=2) + "\n"})
 
     def read(self, name: str, kind: type[_Kind]) -> _Kind:
-        """Return what a file of the session has, or nothing; an OutputError if it is damaged."""
+        """Return the content of a file, or nothing; an OutputError if it is damaged."""
         try:
             return TypeAdapter(kind).validate_json(read_stored(self.folder, name) or b"{}")
         except ValidationError as error:
@@ -84,7 +84,7 @@ class Session:
     ) -> Store:
         """Run a sweep that a study makes up, as data, into a store of the folder, replacing any.
 
-        To resume, what a store of the same sweep has already is kept.
+        To resume, the runs of a store of the same sweep are kept.
         """
         sweep_file = read_sweep(sweep, scenes.vocabulary)
         scene, plan = scenes.for_sweep(sweep_file)
@@ -115,7 +115,7 @@ class Session:
 
 
 def source_of(reference: str) -> str:
-    """Return what tells a model from others: its path, or the name of a scene or a robot."""
+    """Return the unique name of a model: its path, or the name of a scene or a robot."""
     path = Path(reference).expanduser()
     return str(path.resolve()) if path.exists() else reference
 
@@ -177,9 +177,7 @@ def read_settings(
     Raises a SweepFileError if an option is wrong, or gives more than one value (all that do are
     named); a SceneError if there is no such scene.
     """
-    scenes.vocabulary(
-        reference
-    )  # which says what is wrong with a model that nobody wrote into a file
+    scenes.vocabulary(reference)  # refuses a wrong model before there is a file to name
     sweep_file = read_sweep(
         {"version": 1, "scene": reference}, scenes.vocabulary, Overrides(assign)
     )

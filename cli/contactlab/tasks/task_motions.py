@@ -66,10 +66,10 @@ def task_motions(
 ) -> list[Motion]:
     """Return one motion for each phase of a task, with a row for each of its seeds.
 
-    A seed whose run the engine gave up before a phase has no part in it; a phase that none of them
-    reaches is left out: the one before says why. Where nothing weighs, each knows what is usual in
-    the others. `change` returns the model that moves in place of
-    the scene's. The actions of a policy are replayed; a policy is code, which has to be allowed.
+    A seed has no part in a phase if the engine gave up its run before. A phase without seeds is
+    left out; the phase before says why. Without weight, each phase knows the usual accelerations of
+    the others. `change` returns the model that moves in place of the scene's. The actions
+    of a policy are replayed; a policy is code, which has to be allowed.
 
     Raises:
         EngineError: another engine than MuJoCo is requested.

@@ -48,7 +48,7 @@ def records_of(store: Store, scene: Scene, values: Values, task: Task) -> list[E
 def task_verdict(
     task: Task, scene: Scene, values: Values, records: Iterable[EvidenceRecord], session: Session
 ) -> TaskVerdict:
-    """Judge the runs of a task: the motion of its seeds, and what their records are labeled with.
+    """Judge the runs of a task: the motion of its seeds, and the labels of their records.
 
     Raises:
         EngineError: none of the observed bodies moves and has mass.

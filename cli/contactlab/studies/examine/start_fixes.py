@@ -1,9 +1,9 @@
 """Fixes overlapping starts: moves bodies apart, or excludes their contacts.
 
-Links that a joint holds in each other's geoms push with what the joint bears. MuJoCo leaves out
-contacts of parent and child, but not where the parent is the world: so it is with a robot whose
-base is welded to it, as that of a URDF. Its pairs may be excluded, or its base set free. What is
-beyond its limits, in another body, or off its equalities where a run begins may begin elsewhere.
+Links that a joint holds in each other's geoms push with the force of the joint. MuJoCo leaves out
+contacts of parent and child unless the parent is the world, as for a robot with a welded base from
+a URDF. Its pairs may be excluded, or its base set free. A body that begins beyond its limits, in
+another body, or off its equalities may begin elsewhere.
 """
 
 import math
@@ -244,12 +244,12 @@ def _free_roots(
         word,
         apply="freejoint",
         edits=ModelEdits(freed=tuple(roots)),
-        must_come_nearer=word == "depends",  # its states are others: it is no cure of softness
+        must_come_nearer=word == "depends",  # its states are others: it does not fix softness
     )
 
 
 def _welded_roots(spec: mujoco.MjSpec, names: Sequence[tuple[str, str]]) -> Iterator[str]:
-    """Yield the roots of links that are in the world, or in what is welded to it."""
+    """Yield the roots of links that are in the world, or in bodies welded to it."""
     bodies = {body.name: body for body in spec.bodies if body != spec.worldbody}
     for link in (bodies[name] for pair in names for name in pair if name in bodies):
         root = link
@@ -303,7 +303,7 @@ def _are_near(model: mujoco.MjModel, one: int, two: int) -> bool:
 def _list_links(model: mujoco.MjModel, body: int) -> list[int]:
     """Return the links from a body to the root of its robot, welded bodies as one.
 
-    What a free joint carries is a robot of its own.
+    A body with a free joint begins a robot of its own.
     """
     free = int(mujoco.mjtJoint.mjJNT_FREE)
     link = int(model.body_weldid[body])

@@ -147,7 +147,7 @@ class LintedModel:
     def starts(self) -> Mapping[str, mujoco.MjData]:
         """State of each start after `mj_forward`, by name: keyframes, or `QPOS0` without any.
 
-        Keyframes with a wrong count of numbers are no states that anyone meant, and left out.
+        Keyframes with a wrong count of numbers are mistakes, and left out.
         """
         silence_mujoco()
         data_by_start = dict[str, mujoco.MjData]()
@@ -164,7 +164,7 @@ class LintedModel:
     def short_keyframes(self) -> Mapping[str, ShortKeyframe]:
         """Keyframes with a wrong count of numbers, by name.
 
-        MuJoCo fills up those of attached models by itself, so these are not judged.
+        MuJoCo completes those of attached models, so these are not judged.
         """
         if self.is_urdf or any(element.tag in _ATTACHING for element, _ in self.tags()):
             return {}
