@@ -160,12 +160,12 @@ class LoopAxis:
         value = near or self.current or least
         factor = 1.1 if near else 2.0  # a known border is near
         value = before = min(max(value, least), most)
-        held = holds_with(value)
-        grows = self.holds_above != held  # toward larger values
-        while holds_with(value) == held:
+        is_holding = holds_with(value)
+        grows = self.holds_above != is_holding  # toward larger values
+        while holds_with(value) == is_holding:
             before, value = value, value * factor if grows else value / factor
             factor *= factor if near else 1.0
             if not least <= value <= most:
-                return None if held or not holds_with(self.current) else self.current
-        inside, outside = (before, value) if held else (value, before)
+                return None if is_holding or not holds_with(self.current) else self.current
+        inside, outside = (before, value) if is_holding else (value, before)
         return find_border(holds_with, inside, outside, 0.01)

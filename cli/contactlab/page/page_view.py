@@ -240,8 +240,10 @@ class PageView:
         if self.examination is not None:
             return Path(self.examination.report.model).name
         sweep, runs = self.manifest.sweep, self.manifest.runs
-        written = sweep.resolved.get("scene")
-        model = "/".join(Path(written).parts[-2:]) if isinstance(written, str) else sweep.scene
+        scene_file = sweep.resolved.get("scene")
+        model = (
+            "/".join(Path(scene_file).parts[-2:]) if isinstance(scene_file, str) else sweep.scene
+        )
         return f"{model}: {runs:,} {'run' if runs == 1 else 'runs'}"
 
     @property
@@ -303,14 +305,16 @@ def head_view(
     """Return the head of a page; damaged traces are among its notes."""
     first = first_look(data)
     pictured = first[0] if first else None
-    drawn = request.traces and request.examination is None
-    focal = focal_picture(data, pictured) if drawn else None
+    shows_films = request.traces and request.examination is None
+    focal = focal_picture(data, pictured) if shows_films else None
     return HeadView(
         finding=request.examination.headline
         if request.examination
         else write_finding(data.axes, data.labels, share_words(data.store)),
         reality=reality.sentence if reality else "",
-        films=header_films(data, pictured, has_moment=focal is not None) if drawn else Films([]),
+        films=header_films(data, pictured, has_moment=focal is not None)
+        if shows_films
+        else Films([]),
         focal=focal,
         first=first,
         stable_tiles=[] if request.examination else [*list_stable_tiles(data)],
@@ -355,8 +359,8 @@ def list_stable_tiles(data: ReportData) -> Iterator[StableTile]:
 def first_look(data: ReportData) -> tuple[str, str] | None:
     """Return id and label of the run to look at first: not as expected, otherwise the worst."""
     labels = data.labels
-    met, given = data.store.columns.numbers("expectation_met")
-    candidates = np.flatnonzero(given & (np.nan_to_num(met) == 0))
+    values, is_finite = data.store.columns.numbers("expectation_met")
+    candidates = np.flatnonzero(is_finite & (np.nan_to_num(values) == 0))
     candidates = candidates if len(candidates) else np.flatnonzero(labels.failed)
     if not len(candidates):
         return None
@@ -374,8 +378,8 @@ def outcome_views(data: ReportData) -> Iterator[OutcomeView]:
         place = 1000 * start / runs, 1000 * count / runs
         # A stable run needs no change.
         advice = "" if name == "stable" else facts.advice
-        shown = share(count, runs)
-        yield OutcomeView(name, letter, colour, count, shown, *place, facts.meaning, advice)
+        share_text = share(count, runs)
+        yield OutcomeView(name, letter, colour, count, share_text, *place, facts.meaning, advice)
 
 
 def map_view(data: ReportData) -> MapView | None:
@@ -388,8 +392,10 @@ def map_view(data: ReportData) -> MapView | None:
     if axes.size <= most_cells:
         ticks, names = axes.y.ticks if axes.y else ("all",), data.labels.names
         for tick, line in zip(ticks, label_counts(axes, data.labels).tolist(), strict=True):
-            found = [[f"{n} {names[code]}" for code, n in enumerate(cell) if n] for cell in line]
-            rows.insert(0, (tick, list(map(", ".join, found))))
+            cell_texts = [
+                [f"{n} {names[code]}" for code, n in enumerate(cell) if n] for cell in line
+            ]
+            rows.insert(0, (tick, list(map(", ".join, cell_texts))))
     return MapView(
         picture=static_svg(default_map(data), f"Labels over {' and '.join(axes.names)}"),
         corner=f"{axes.y.title} \\ {axes.x.title}" if axes.y else axes.x.title,
@@ -404,17 +410,22 @@ def map_view(data: ReportData) -> MapView | None:
 
 def sensitivity_views(store: Store) -> Iterator[SensitivityView]:
     """Yield the share of a metric's variance for each sampled axis."""
-    for found in find_sensitivities(store):
-        shared = ", ".join(f"{name} {value}" for name, value in found.shared.items())
+    for sensitivity in find_sensitivities(store):
+        shared = ", ".join(f"{name} {value}" for name, value in sensitivity.shared.items())
         spans = [
             [f"{low:.0%} to {high:.0%}" for low, high in interval.tolist()]
-            for interval in (found.first_interval, found.total_interval)
+            for interval in (sensitivity.first_interval, sensitivity.total_interval)
         ]
         rows = zip(
-            found.axes, found.first.tolist(), spans[0], found.total.tolist(), spans[1], strict=True
+            sensitivity.axes,
+            sensitivity.first.tolist(),
+            spans[0],
+            sensitivity.total.tolist(),
+            spans[1],
+            strict=True,
         )
         yield SensitivityView(
-            f"{found.metric}{f' of {shared}' if shared else ''}",
+            f"{sensitivity.metric}{f' of {shared}' if shared else ''}",
             sorted(rows, key=lambda row: -row[3]),
         )
 
@@ -431,8 +442,10 @@ def tradeoff_view(data: ReportData, chart: Spec | None) -> TradeoffView | None:
     report = data.tradeoff
     if report is None:
         return TradeoffView(None, data.no_tradeoff) if data.no_tradeoff else None
-    wanted = report.recommendation.configuration if report.recommendation else None
-    worst = (outcome.worst for outcome in report.configurations if outcome.configuration == wanted)
+    recommended = report.recommendation.configuration if report.recommendation else None
+    worst = (
+        outcome.worst for outcome in report.configurations if outcome.configuration == recommended
+    )
     return TradeoffView(
         report=report,
         sentence=tradeoff_sentence(report),
@@ -489,8 +502,10 @@ def effects_view(data: ReportData) -> EffectsView | None:
         if report
         else (RECORDED_TIME_COLUMN,)
     )
-    wanted = dict.fromkeys((*first, *summary_metrics()))
-    quantities = (quantity for name in wanted for quantity in data.quantities.select_named([name]))
+    metric_names = dict.fromkeys((*first, *summary_metrics()))
+    quantities = (
+        quantity for name in metric_names for quantity in data.quantities.select_named([name])
+    )
     most_ratios = 5
     changes = knob_changes(data.axes, data.labels, quantities, most_ratios)
     return EffectsView(changes, list(changes[0].ratios)) if changes else None

@@ -44,17 +44,17 @@ def run_series(
     columns: dict[str, NDArray[Any]] = {}
     signals: list[tuple[str, str, str]] = []
     bits = 12  # 1e-4 of a plot, a tenth of a pixel
-    for index, (name, unit, panel, values, kept) in enumerate(
+    for index, (name, unit, panel, values, rows) in enumerate(
         _list_signals(trace, replace_geoms, joints)
     ):
-        columns[f"t{index}"] = rounded_floats(trace.time[kept], bits)
-        shown = values[kept]
-        finite = shown[np.isfinite(shown)]
+        columns[f"t{index}"] = rounded_floats(trace.time[rows], bits)
+        values_at_rows = values[rows]
+        finite = values_at_rows[np.isfinite(values_at_rows)]
         size = np.abs(finite).max(initial=0.0)
         height = finite.max(initial=-np.inf) - finite.min(initial=np.inf)
         # A mantissa counts from zero, a plot from its least value.
         more = math.ceil(math.log2(size / height)) if 0 < height < size else 0
-        columns[f"v{index}"] = rounded_floats(shown, min(bits + more, 23))
+        columns[f"v{index}"] = rounded_floats(values_at_rows, min(bits + more, 23))
         signals.append((name, unit, panel))
     # A run that ended before its first step has no contacts over time.
     pairs = trace.pairs if len(trace.contacts) else ()
@@ -89,12 +89,12 @@ def _list_signals(
             pair.spread_over_steps(len(trace.contacts), values)
             for values in (pair.normal, pair.tangential, np.maximum(-pair.distance, 0.0))
         )
-        kept = np.union1d(
+        rows = np.union1d(
             thin_indices(normal, _POINTS // 2), thin_indices(tangential, _POINTS // 2)
         )
-        kept = kept[np.isfinite(normal[kept]) & np.isfinite(tangential[kept])]
-        yield f"{name} normal", "N", "force", normal, kept
-        yield f"{name} tangential", "N", "force", tangential, kept
+        rows = rows[np.isfinite(normal[rows]) & np.isfinite(tangential[rows])]
+        yield f"{name} normal", "N", "force", normal, rows
+        yield f"{name} tangential", "N", "force", tangential, rows
         yield f"{name} depth", "m", "depth", depth, thin_indices(depth)
 
 
@@ -109,9 +109,9 @@ def thin_indices(values: Floats, points: int = _POINTS) -> NDArray[np.intp]:
     places = edges[:-1, None] + np.arange(np.diff(edges).max())
     inside = places < edges[1:, None]
     intervals = np.where(inside, values[np.minimum(places, len(values) - 1)], np.nan)
-    known = np.isfinite(intervals).any(axis=1)
-    least, most = (find(intervals[known], axis=1) for find in (np.nanargmin, np.nanargmax))
-    begins = edges[:-1][known]
+    has_finite = np.isfinite(intervals).any(axis=1)
+    least, most = (find(intervals[has_finite], axis=1) for find in (np.nanargmin, np.nanargmax))
+    begins = edges[:-1][has_finite]
     ends = np.array([0, len(values) - 1], dtype=np.intp)
     indices = np.unique(np.concatenate([ends, begins + least, begins + most]))
     return indices[np.isfinite(values[indices])]
@@ -126,11 +126,11 @@ def qpos_entries(
     covered joints are used; without these, entries have their index.
     """
     # Coverage has the types of joints as far as their travel tells them, in the order of qpos.
-    told = [
+    model_entries = [
         (name, "hinge or slide" if joint.turned is None else "free")
         for name, joint in covered.items()
     ]
-    candidates = [*_model_joints(model_xml)], told
+    candidates = [*_model_joints(model_xml)], model_entries
     fitting = (each for each in candidates if sum(_JOINT_SIZES[kind] for _, kind in each) == size)
     if (joints := next(fitting, None)) is None:
         return tuple(QposEntry(index, f"qpos[{index}]", "m, rad", False) for index in range(size))

@@ -33,11 +33,11 @@ def coverage_rows(coverage: Coverage, pairs: Iterable[str]) -> list[tuple[str, s
     return [
         (
             kind,
-            join_few([name for name, text in done.items() if not text], ", "),
-            join_few([f"{name} {text}" for name, text in done.items() if text], "; "),
+            join_few([name for name, text in texts_by_name.items() if not text], ", "),
+            join_few([f"{name} {text}" for name, text in texts_by_name.items() if text], "; "),
         )
-        for kind, done in kinds.items()
-        if done
+        for kind, texts_by_name in kinds.items()
+        if texts_by_name
     ]
 
 

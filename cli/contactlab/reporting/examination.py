@@ -109,9 +109,12 @@ def not_tried_line(report: Examination) -> str:
     if not report.not_tried:
         return ""
     most_names = 3
-    named, more = report.not_tried[:most_names], len(report.not_tried) - most_names
+    shown_names, more = report.not_tried[:most_names], len(report.not_tried) - most_names
     rest = f" and {more} more" if more > 0 else ""
-    return f"not tried within the CPU limit: {', '.join(named)}{rest}; --max-cpu 5min allows more"
+    return (
+        f"not tried within the CPU limit: {', '.join(shown_names)}{rest}; --max-cpu 5min allows "
+        "more"
+    )
 
 
 def grouped_contacts(
@@ -138,7 +141,7 @@ def contact_facts(contact: RestingContact) -> tuple[tuple[str, str], ...]:
             f"{contact.depth * 1e3:.4g} mm",
         }
     most, now = contact.longest_step * 1e3, contact.timestep * 1e3
-    said = {
+    facts = {
         "solref": " ".join(f"{number:.6g}" for number in contact.solref),
         **rest,
         "in an impact": f"{contact.stiffness:.4g} N/m, {contact.damping:.4g} N s/m, ratio "
@@ -146,4 +149,4 @@ def contact_facts(contact: RestingContact) -> tuple[tuple[str, str], ...]:
         "restitution": f"{contact.restitution:.3g}, without gravity",
         "timestep": f"at most {most:.4g} ms; it is {now:.4g} ms",
     }
-    return tuple(said.items())
+    return tuple(facts.items())

@@ -17,30 +17,35 @@ _NAMES = {
 def loop_sentence(report: ControlLoopReport) -> str:
     """Return whether a loop holds, and its borders, in a sentence."""
     rate, borders = format_frequency(report.rate), {one.name: one for one in report.margins}
-    known = {name: margin.border for name, margin in borders.items() if margin.border is not None}
+    found_borders = {
+        name: margin.border for name, margin in borders.items() if margin.border is not None
+    }
     unit = borders["armature"].unit if "armature" in borders else ""
     words = {
-        "rate": "{} of at least " + format_frequency(known.get("rate", 0.0)),
-        "delay": "{} of at most " + format_amount(known.get("delay"), "ms"),
-        "gain": "{} of at most x" + format_digits(known.get("gain", 0.0), 2),
-        "armature": "{} of at least " + format_amount(known.get("armature"), unit, digits=2),
+        "rate": "{} of at least " + format_frequency(found_borders.get("rate", 0.0)),
+        "delay": "{} of at most " + format_amount(found_borders.get("delay"), "ms"),
+        "gain": "{} of at most x" + format_digits(found_borders.get("gain", 0.0), 2),
+        "armature": "{} of at least "
+        + format_amount(found_borders.get("armature"), unit, digits=2),
     }
     nouns = {"rate": "a rate", "delay": "a delay", "gain": "gains", "armature": "an armature"}
-    parts = [words[name].format(nouns[name]) for name in words if name in known]
+    parts = [words[name].format(nouns[name]) for name in words if name in found_borders]
     if report.holds:
-        told = f"; each alone, {_join_parts(parts, 'and')} would hold it too" if parts else ""
-        return f"the loop at {rate} holds{told}"
+        border_text = (
+            f"; each alone, {_join_parts(parts, 'and')} would hold it too" if parts else ""
+        )
+        return f"the loop at {rate} holds{border_text}"
     safe = {name: margin.doubled for name, margin in borders.items() if margin.doubled}
-    told = f"; {_join_parts(parts, 'or')} holds it"
+    border_text = f"; {_join_parts(parts, 'or')} holds it"
     if len(safe) == 2:
-        told += (
+        border_text += (
             f", and with {format_frequency(safe['rate'])} or an armature of "
             f"{format_amount(safe['armature'], unit, digits=2)} it would hold at twice the "
             "gains, too"
         )
     inside = "; so do position servos of the model with the same gains (--apply loop-servos)"
     return (
-        f"the loop at {rate} does not hold joint {report.joint}{told if parts else ''}"
+        f"the loop at {rate} does not hold joint {report.joint}{border_text if parts else ''}"
         f"{inside if report.inside else ''}"
     )
 

@@ -26,12 +26,12 @@ from contactlab.store.finished_store import Store
 
 def describe_run(store: Store, record: EvidenceRecord) -> Document:
     """Describe a run of a store, the reasons of its label first."""
-    named = load_geom_replacers(store, {0: record})[0]
-    labels = [(entry.label, entry.step, named(entry.reason)) for entry in record.labels]
+    name_geoms = load_geom_replacers(store, {0: record})[0]
+    labels = [(entry.label, entry.step, name_geoms(entry.reason)) for entry in record.labels]
     reasons = [table_of(("label", "first step", "reason"), labels)] if labels else []
     tables = list[Table]()
     if record.coverage is not None:
-        rows = [tuple(map(named, row)) for row in coverage_rows(record.coverage, record.pairs)]
+        rows = [tuple(map(name_geoms, row)) for row in coverage_rows(record.coverage, record.pairs)]
         tables.append(table_of(("exercised", "not at all", "share of range or time"), rows))
     # By topic: metrics of one topic are often one fact, seen in several ways.
     rows = list[Row]()
@@ -52,7 +52,7 @@ def describe_run(store: Store, record: EvidenceRecord) -> Document:
     alike = dict[tuple[str, ...], list[str]]()
     for name, pair in record.pairs.items():
         values = (pair.condim, pair.friction, pair.solref, pair.solimp, pair.margin)
-        alike.setdefault(tuple(map(format_setting, values)), []).append(named(name))
+        alike.setdefault(tuple(map(format_setting, values)), []).append(name_geoms(name))
     pairs = [(join_few(names, ", "), *values) for values, names in alike.items()]
     tables.append(table_of(("pairs", "condim", "friction", "solref", "solimp", "margin"), pairs))
 
@@ -89,8 +89,8 @@ def _run_facts(store: Store, record: EvidenceRecord) -> Iterator[tuple[str, str]
     if record.cost is not None:
         yield "cost", f"{record.cost.cpu_per_sim_s:.3g} CPU seconds per simulated second"
         if record.cost.latency_used is not None:
-            used = format_percent(record.cost.latency_used)
-            yield "latency", f"{used} of the budget, on average"
+            latency_share = format_percent(record.cost.latency_used)
+            yield "latency", f"{latency_share} of the budget, on average"
     if record.edited_geoms:
         yield "edited", join_few(record.edited_geoms, ", ")
     yield "trajectory", str(record.trajectory_hash)

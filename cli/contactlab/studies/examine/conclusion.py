@@ -55,9 +55,9 @@ def conclude(
         for place, one in enumerate(sentences)
         if not any(later.startswith(one) for later in sentences[place + 1 :])
     ]
-    said = [one for one in why if not headline.endswith(f": {one}")]
+    further_reasons = [one for one in why if not headline.endswith(f": {one}")]
     # Causes that the headline and the fix say are not repeated.
-    why = said or ([] if report.causes and report.fixes else why)
+    why = further_reasons or ([] if report.causes and report.fixes else why)
     return report.model_copy(
         update={
             "headline": headline,
@@ -93,9 +93,9 @@ def _write_headline(report: Examination, verdict: VerdictWord) -> str:
         labels = list(dict.fromkeys(label.label for label in judged_labels(report)))
         causes = [*labels, *(f"check {name}" for name in _failed_checks(report))]
         most_named = 2
-        named, more = causes[:most_named], len(causes) - most_named
+        shown_causes, more = causes[:most_named], len(causes) - most_named
         rest = f" and {more} more" if more > 0 else ""
-        return f"fails: {' and '.join(named)}{rest}"
+        return f"fails: {' and '.join(shown_causes)}{rest}"
     if reason is None:
         return f"ok: {_why_ok(report, tolerance)}"
     if verdict == "depends":
@@ -137,8 +137,8 @@ def _yield_causes(report: Examination, verdict: VerdictWord) -> Iterator[str]:
     if report.causes and report.causes[-1].remainder:
         return  # the rest follows from the causes
     if verdict != "ok":
-        named = any(cause.stage == "start" for cause in report.causes)
-        for kind in ("advisory",) if named else ("overlap", "advisory"):
+        has_start_cause = any(cause.stage == "start" for cause in report.causes)
+        for kind in ("advisory",) if has_start_cause else ("overlap", "advisory"):
             yield from (fact.sentence for fact in report.facts if fact.kind == kind and fact.value)
     failed = {*_failed_checks(report)}
     failures = [
@@ -155,8 +155,8 @@ def _touches_nothing(report: Examination) -> bool:
         return False
     rows = [row for phase in report.budget.phases for row in phase.rows]
     contacts = [row.exercised for row in rows if row.name == "contact softness"]
-    measured = "contact softness" not in report.not_tried
-    return bool(contacts) and measured and not any(contacts)
+    is_measured = "contact softness" not in report.not_tried
+    return bool(contacts) and is_measured and not any(contacts)
 
 
 def _list_numerics(report: Examination, verdict: VerdictWord) -> Iterator[str]:
@@ -275,7 +275,7 @@ def _format_error(error: float | None) -> str:
     return format_percent(math.inf if error is None else abs(error))
 
 
-def _choose_fix(report: Examination, verdict: VerdictWord, tried: int, not_tried: int) -> str:
+def _choose_fix(report: Examination, verdict: VerdictWord, tried_count: int, not_tried: int) -> str:
     if report.fixes:
         first = first_fix(report.fixes)
         summary = fix_summary(first, report)
@@ -301,10 +301,10 @@ def _choose_fix(report: Examination, verdict: VerdictWord, tried: int, not_tried
     # What is left after these is another model's verdict.
     if first:
         return f"{' and '.join(first)}, and examine the model again"
-    return _no_fix(report, tried, not_tried)
+    return _no_fix(report, tried_count, not_tried)
 
 
-def _no_fix(report: Examination, tried: int, not_tried: int) -> str:
+def _no_fix(report: Examination, tried_count: int, not_tried: int) -> str:
     if "fixes" not in report.sections:
         return f"not searched; contactlab {report.model} searches for one"
     if report.rejected_fixes:
@@ -312,8 +312,12 @@ def _no_fix(report: Examination, tried: int, not_tried: int) -> str:
         more = len(report.rejected_fixes) - 1
         others = f"; {more} more were rejected" if more else ""
         return f"none: {first.name} was rejected: {first.reason}{others}"
-    if not tried:
+    if not tried_count:
         return "no time to try one; --max-cpu 5min allows more" if not_tried else "none is known"
-    none = f"none of {tried} tried removes it" if tried > 1 else "the one tried does not remove it"
+    none = (
+        f"none of {tried_count} tried removes it"
+        if tried_count > 1
+        else "the one tried does not remove it"
+    )
     more = f"; {not_tried} were not tried in time" if not_tried else ""
     return f"{none}{more}"

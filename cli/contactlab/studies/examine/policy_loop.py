@@ -95,8 +95,8 @@ def list_loop_repairs(
         ("dof_armature", "armature", loop.with_armature),
         ("dof_damping", "damping", loop.with_damping),
     ):
-        known = {margin.name: margin for margin in report.margins}
-        border = known["armature"].doubled
+        margins_by_name = {margin.name: margin for margin in report.margins}
+        border = margins_by_name["armature"].doubled
         if word == "damping":
             border = replace(study, loop=replace(loop, gain=_MARGIN)).find_damping()
         if not border:
@@ -109,7 +109,7 @@ def list_loop_repairs(
         names = [object_name(loop.model, field, dof) for dof in dofs]
         edits = ModelEdits({f"{field}[{name}]": value for name in names})
         more = f" and {len(names) - 1} more joints" if len(names) > 1 else ""
-        unit = known["armature"].unit
+        unit = margins_by_name["armature"].unit
         if word == "damping":
             unit = "Ns/m" if unit == "kg" else "Nms/rad"
         yield LoopRepair(f"{word} {value:g} {unit} of {names[0]}{more}", f"loop-{word}", edits)
@@ -131,13 +131,15 @@ def _list_inside_repairs(study: LoopStudy, drive: PolicyDrive) -> Iterator[LoopR
     # A constant target: the policy would still want the torques of its own gains.
     loop, servos = study.loop, list_stated_servos(study.loop)
     inside = move_inside(loop, servos)
-    (held,) = LoopRows(inside).ask_policy()
+    (held_controls,) = LoopRows(inside).ask_policy()
     stronger = [
         one.model_copy(update={"kp": _MARGIN * one.kp, "kv": _MARGIN * one.kv}) for one in servos
     ]
     doubled = replace(
         move_inside(loop, stronger),
-        policy=lambda _: lambda *seen: np.repeat(held[None], len(seen[0]), axis=0),
+        policy=lambda _: (
+            lambda *observations: np.repeat(held_controls[None], len(observations[0]), axis=0)
+        ),
     )
     if not study.holds_simulated(doubled):
         return
