@@ -52,6 +52,18 @@ def test_a_depth_is_solved_for_as_the_law_has_it(depth: float, softness: float) 
     )
 
 
+def test_a_run_that_stops_in_its_first_steps_has_no_resting_contacts(tmp_path: Path) -> None:
+    model = tmp_path / "reed.xml"
+    joint = '<joint name="root" axis="0 1 0" stiffness="1e6" springref="40"/>'
+    model.write_text(
+        f"""<mujoco><worldbody><geom type="plane" size="1 1 .1"/>
+        <body pos="0 0 .3">{joint}<geom type="capsule" fromto="0 0 0 .1 0 0" size=".01"/></body>
+        </worldbody></mujoco>"""
+    )
+    report = examine(model, section=["contacts"], output=tmp_path / "out")
+    assert [(contact.load, contact.depth) for contact in report.contacts] == [(0, 0)]
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("cone", "condim", "friction", "impratio"),

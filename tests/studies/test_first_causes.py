@@ -52,3 +52,46 @@ def test_contacts_that_masks_forbid_come_before_all_others(tmp_path: Path) -> No
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, 500)
     assert data.qpos[2] == pytest.approx(0.05, abs=1e-3)
+
+
+WHEEL = """<mujoco><option timestep=".005" integrator="Euler"/><worldbody>
+  <body><joint name="axle" axis="0 1 0" damping=".001"/>
+    <geom type="cylinder" size=".04 .01" euler="90 0 0" mass=".1"/></body></worldbody>
+  <actuator>{servo}</actuator><keyframe><key name="cruise" ctrl="5"/></keyframe></mujoco>"""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("servo", "words"),
+    [
+        ('<velocity joint="axle" kv=".08"/>', "does not hold joint 'axle'"),
+        (
+            '<general joint="axle" dyntype="filter" dynprm=".001" gainprm=".01"/>',
+            "is too long for the activation of actuator[0]",
+        ),
+    ],
+)
+def test_a_gain_or_an_activation_that_the_step_does_not_hold_is_the_cause(
+    servo: str, words: str, tmp_path: Path
+) -> None:
+    """Its edit alone, in plain MuJoCo, ends the growth: the inertia is 8e-5 kg m^2."""
+    report = examine(WHEEL.format(servo=servo), tmp_path)
+    cause, fix = report.causes[0], report.fixes[0]
+    assert (report.verdict, cause.stage, cause.verdict) == ("inaccurate", "numerics", "ok")
+    assert words in report.headline
+    assert not fix.changes_model
+    old, new = tmp_path / "model.xml", fix.lines[0].partition(": ")[2]
+    tag = new.partition(" ")[0]
+    begin = old.read_text(encoding="utf-8").index(tag)
+    text = old.read_text(encoding="utf-8")
+    end = text.index("/>", begin) + 2
+    fixed = text[:begin] + new + text[end:]
+    assert [is_stable(each) for each in (text, fixed)] == [False, True]
+
+
+def is_stable(text: str) -> bool:
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    data.ctrl[:] = 5
+    mujoco.mj_step(model, data, 200)
+    return not data.warning.number.any()

@@ -51,24 +51,16 @@ class WorkLimit:
 
 
 def count_pace(motions: Sequence[Motion]) -> float:
-    """Return the counted time of a step of the model [s], in the shortest of its motions.
-
-    That of flexes and plugins is not counted. It is half of the measured time, since a busy machine
-    takes twice as long.
-    """
+    """Return the counted time of a step of the model [s], in the shortest of its motions."""
     shortest = min(motions, key=lambda motion: motion.steps)
     key = id(shortest.model), id(shortest.inputs)
     known = _PACES.get(key)
     if known is not None and known[0]() is shortest.inputs:
         return known[1]
     one = replace(shortest, starts=shortest.starts[:1], inputs=shortest.inputs[:1])
-    begin = time.process_time()
-    states = sample_states(one)
-    found = (time.process_time() - begin) / one.steps / 2
-    if not (one.model.nflex or one.model.nplugin):
-        # Some states are evaluated, in Python: measured for five robots.
-        python_seconds = 3e-6
-        found = count_step_seconds(one, one.model, states) + python_seconds
+    # Some states are evaluated, in Python: measured for five robots.
+    python_seconds = 3e-6
+    found = count_step_seconds(one, one.model, sample_states(one)) + python_seconds
     _PACES[key] = weakref.ref(shortest.inputs), found
     return found
 

@@ -257,7 +257,6 @@ CASES: Mapping[str, Planted] = {
             'name="lift" joint="shoulder" ctrlrange="-1 1" dyntype="filter" dynprm=".001"/>'
         },
         "<general",
-        mends=False,
     ),
     "light-link": Planted(
         {

@@ -177,7 +177,11 @@ class CauseRepairer:
             model = self._part_links(model)
         known = [fault.sentence for fault in faults if fault.stage == "start"]
         model = self._move_start(model, next(iter(known), ""))
-        return model if self.meets_fault else self._avoid_engine_fault(model)
+        model = model if self.meets_fault else self._avoid_engine_fault(model)
+        for fault in faults:
+            if fault.stage == "numerics" and not model.passes:
+                model = self._repair_by_lint(model, fault)
+        return model
 
     def _avoid_engine_fault(self, model: RepairedModel) -> RepairedModel:
         if model.word == "ok":
@@ -226,21 +230,19 @@ class CauseRepairer:
         written = write_rule_edits(source, fault.rule, folder)
         if written is None:
             return replace(model, causes=(*model.causes, *list_file_causes([fault])))
-        certain = fault.is_certain
-        name = f"the edit of lint's rule {fault.rule}"
-        return self._try_repair(
-            model,
-            Repair(
-                stage="file",
-                sentence=fault.sentence,
-                name=name,
-                apply=fault.rule,
-                edits=ModelEdits(),
-                is_certain=certain,
-                file=written,
-                rule=fault.rule,
-            ),
+        keeps_model = fault.stage == "numerics"
+        repair = Repair(
+            stage=fault.stage,
+            sentence=fault.sentence,
+            name=f"the edit of lint's rule {fault.rule}",
+            apply="" if keeps_model else fault.rule,
+            edits=ModelEdits(),
+            is_certain=fault.is_certain,
+            keeps_model=keeps_model,
+            file=written,
+            rule=fault.rule,
         )
+        return self._try_repair(model, repair)
 
     def repair_grip(self, model: RepairedModel, cause: Cause) -> RepairedModel:
         """Return the model with the first fix that keeps the object of its keyframe in the hand."""
@@ -357,7 +359,8 @@ class CauseRepairer:
         # A written copy of a URDF has the faults that only its import shows, too.
         left = [fault for fault in model.faults if not repair.repairs_fault(fault)]
         task, known_rules = self.original.task, {fault.rule for fault in left}
-        linted = lint_file(changed.scene.source, written.reference, task.start)
+        drive = repair.drive or self.original.scene.drive.drive
+        linted = lint_file(changed.scene.source, written.reference, task.start, drive)
         left += [
             fault for fault in linted.faults if fault.is_certain and fault.rule not in known_rules
         ]

@@ -110,7 +110,7 @@ def resting_pairs(examined: CheckedModel) -> Iterator[RestingPair]:
             first.name,
         )
         resting_share = 0.9  # of the last fifth of the first phase, in which a pair touches
-        if last.sum() >= resting_share * fifth:
+        if last.any() and last.sum() >= resting_share * fifth:
             depth = used.margin - float(points.mean())  # force begins at the margin
             means = float(count.mean()), float((loads / count).mean()), depth
             found = replace(found, **dict(zip(_MEANS, means, strict=True)))

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
+from contactlab.budget.windows import add_simulated_steps
 from contactlab.contact.trace_arrays import Floats
 from contactlab.rendering.amounts import format_amount
 from contactlab.scene.closed_start import moving_extent
@@ -24,6 +25,9 @@ from contactlab.schema.examination import Cause, Fact
 
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
+_BAD_STATES = [
+    int(getattr(mujoco.mjtWarning, f"mjWARN_BADQ{name}")) for name in ("POS", "VEL", "ACC")
+]
 _LONGEST = 2.0  # s; by then, a robot that does not stand has fallen
 _FIXED_GAIN, _AFFINE_BIAS = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_AFFINE)
 
@@ -103,12 +107,18 @@ def find_fall(motion: Motion, positions: Floats | None = None) -> float:
 def step_first_seed(
     motion: Motion, data: mujoco.MjData, seconds: float = math.inf
 ) -> Iterator[int]:
-    """Make the steps of a motion's first seed, and yield the number of each after it."""
+    """Make the steps of a motion's first seed, and yield the number of each after it.
+
+    They end where the engine gives up: later states mean nothing, and their steps take long.
+    """
     model, rows = motion.model, motion.inputs[0]
     for step in range(math.ceil(min(len(rows), seconds / model.opt.timestep))):
         if rows.shape[1]:
             mujoco.mj_setState(model, data, rows[step], motion.spec)
         mujoco.mj_step(model, data)
+        add_simulated_steps(model, 1)
+        if data.warning.number[_BAD_STATES].any():
+            return
         yield step
 
 

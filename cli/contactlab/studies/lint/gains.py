@@ -19,7 +19,7 @@ _INTEGRATOR = mujoco.mjtIntegrator
 _EULERDAMP = int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
 
 
-@rule("gain-step", "gate")
+@rule("gain-step", "gate", cause="numerics")
 def find_unstable_gains(linted: LintedModel) -> Iterator[Fault]:
     """One step of the integrator cannot hold the gains of servos, springs or tendons.
 
@@ -54,8 +54,8 @@ def find_unstable_gains(linted: LintedModel) -> Iterator[Fault]:
     dof = int(linear.find_growing_dofs().argmax())
     joint = name_of(model, "joint", int(model.dof_jntid[dof]))
     yield Fault(
-        f"from {start}, a step of {timestep * 1e3:g} ms with {name} lets a small motion of "
-        f"joint '{joint}' grow {found:.3g}-fold, without any control; {holds * 1e3:g} ms holds it",
+        f"a step of {timestep * 1e3:g} ms with {name} does not hold joint '{joint}': from {start}, "
+        f"a small motion grows {found:.3g}-fold, without any control; {holds * 1e3:g} ms holds it",
         linted.place("joint", joint),
         linted.set_in("option", **values),
     )

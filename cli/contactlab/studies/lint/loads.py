@@ -113,7 +113,7 @@ def _find_reached(begin: set[int], links: list[_Link]) -> set[int]:
     return reached
 
 
-@rule("pyramid-friction", "warn", may_decide=True)
+@rule("pyramid-friction", "warn", cause="file")
 def find_soft_pyramids(linted: LintedModel) -> Iterator[Fault]:
     """Pyramids of a large friction coefficient make a contact too soft to carry a weight.
 

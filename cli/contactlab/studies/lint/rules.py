@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from contactlab.registry import Registry
+from contactlab.schema.examination import Stage
 from contactlab.schema.finding import Level
 from contactlab.studies.lint.linted_model import Fault, LintedModel
 
@@ -23,7 +24,7 @@ class Rule:
         of_refused: whether it also judges models that MuJoCo does not compile.
         voids_runs: whether runs of such a model say nothing of the one that its author meant.
         voids_postures: whether runs from a keyframe do, since motors hold its posture.
-        may_decide: whether a verdict may follow from the fault, so that its edit is tried.
+        cause: stage of the fault if a verdict may follow from it, so that its edit is tried.
     """
 
     name: str
@@ -32,7 +33,7 @@ class Rule:
     of_refused: bool = False
     voids_runs: bool = False
     voids_postures: bool = False
-    may_decide: bool = False
+    cause: Stage | None = None
 
     @property
     def about(self) -> str:
@@ -61,7 +62,7 @@ def rule(
     of_refused: bool = False,
     voids_runs: bool = False,
     voids_postures: bool = False,
-    may_decide: bool = False,
+    cause: Stage | None = None,
 ) -> Callable[[RuleFunction], RuleFunction]:
     """Declare a rule: the function yields the faults of a `LintedModel`.
 
@@ -69,7 +70,7 @@ def rule(
     """
 
     def declare(function: RuleFunction) -> RuleFunction:
-        RULES.add(Rule(name, level, function, of_refused, voids_runs, voids_postures, may_decide))
+        RULES.add(Rule(name, level, function, of_refused, voids_runs, voids_postures, cause))
         return function
 
     return declare

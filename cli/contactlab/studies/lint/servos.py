@@ -15,6 +15,7 @@ from contactlab.scene.model_text import mjcf_text
 from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel
 from contactlab.studies.lint.rules import rule
 
+KEYFRAME_TORQUE = "keyframe-torque"
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
 _JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
 _FIXED_GAIN = int(mujoco.mjtGain.mjGAIN_FIXED)
@@ -106,7 +107,7 @@ def _list_motors(model: mujoco.MjModel) -> Iterator[_Motor]:
             yield _Motor(actuator, joint, float(gain), float(gear))
 
 
-@rule("keyframe-torque", "warn")
+@rule(KEYFRAME_TORQUE, "warn")
 def keyframe_torque(linted: LintedModel) -> Iterator[Fault]:
     """A keyframe gives motors the positions of their joints, as a servo would take them.
 
@@ -183,7 +184,7 @@ class _JawForce(NamedTuple):
     edits: tuple[Edit, ...]  # that limit the force
 
 
-@rule("jaw-force", "warn", may_decide=True)
+@rule("jaw-force", "warn", cause="file")
 def find_strong_jaws(linted: LintedModel) -> Iterator[Fault]:
     """Jaws of position servos without a force range press through an object.
 
@@ -235,7 +236,7 @@ def find_strong_jaws(linted: LintedModel) -> Iterator[Fault]:
         )
 
 
-@rule("activation-step", "warn")
+@rule("activation-step", "warn", cause="numerics")
 def find_fast_activations(linted: LintedModel) -> Iterator[Fault]:
     """An activation is faster than the timestep, which integrates it explicitly.
 
@@ -255,15 +256,24 @@ def find_fast_activations(linted: LintedModel) -> Iterator[Fault]:
         shortest, actuator = min(found)
         more = f"; and {len(found) - 1} more" if len(found) > 1 else ""
         overshoots = 2.0  # explicit steps of a first-order lag grow beyond two time constants
-        what = "diverges" if step > overshoots * shortest else "overshoots"
-        instead = (
-            "" if model.actuator_dyntype[actuator] == _MUSCLE else 'dyntype="filterexact", or '
-        )
+        verb = "diverges" if step > overshoots * shortest else "overshoots"
+        # Muscles and cylinders have no other activation.
+        edits = [
+            edit
+            for _, one in found
+            for edit in linted.set("actuator", one, dyntype="filterexact")
+            if edit.text.startswith("<general") and model.actuator_dyntype[one] == _FILTER
+        ]
+        is_exact = len(edits) == len(found)
+        instead = 'dyntype="filterexact", or ' if is_exact else ""
+        shorter = linted.set_in("option", timestep=f"{shortest:.3g}")
         yield Fault(
-            f"the activation of {linted.name('actuator', actuator)} has a time constant of "
-            f"{1e3 * shortest:.3g} ms, and a step of {1e3 * step:.3g} ms {what}{more}; write "
-            f"{instead}a timestep of at most {1e3 * shortest:.3g} ms",
+            f"a step of {1e3 * step:.3g} ms is too long for the activation of "
+            f"{linted.name('actuator', actuator)}: with a time constant of "
+            f"{1e3 * shortest:.3g} ms, it {verb}{more}; write {instead}a timestep of at most "
+            f"{1e3 * shortest:.3g} ms",
             linted.place("actuator", actuator),
+            tuple(edits) if is_exact else shorter,
         )
 
 
