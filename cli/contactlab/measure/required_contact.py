@@ -30,42 +30,23 @@ Faults = Iterator[tuple[str, str, Mask]]
     "noted",
     rank=4,
     thresholds=(MODE_HOLD,),
-    letter="Z",
-    colour="#995c94",
-    advice="more friction; or priority, if the other geom's should count",
-    traits=("required",),
-)
-def unexpected_slide(runs: MeasuredRuns) -> OnsetIterator:
-    """A pair slides although it must stick or roll."""
-    return _find_violations(runs, SLIDE)
-
-
-@label(
-    "noted",
-    rank=3,
-    thresholds=(MODE_HOLD,),
-    letter="Y",
-    colour="#3d5631",
-    advice="less friction on both geoms, since the larger counts; or priority",
-    traits=("required",),
-)
-def unexpected_stick(runs: MeasuredRuns) -> OnsetIterator:
-    """A pair sticks although it must slide."""
-    return _find_violations(runs, STICK)
-
-
-@label(
-    "noted",
-    rank=5,
-    thresholds=(MODE_HOLD,),
     letter="5",
     colour="#b3d789",
-    advice="fix the model, or correct the requirement in `must`",
+    advice="change friction or priority until the pair sticks or slides, or correct `must`",
     traits=("required",),
 )
 def pair_expectation(runs: MeasuredRuns) -> OnsetIterator:
-    """A pair does not press, touch, separate or roll as it must, or is deeper."""
-    return _find_violations(runs, NO_CONTACT)
+    """A pair does not press, touch, separate, stick, slide or roll as it must, or is deeper."""
+    for stretch in _required_stretches(runs.context, runs.limits["mode_hold"]):
+        for faults in (
+            _find_wrong_modes(stretch, SLIDE),
+            _find_wrong_modes(stretch, STICK),
+            _find_mismatches(stretch),
+        ):
+            for wanted, met, where in faults:
+                step = first_step(where)
+                time = runs.context.trace.time[stretch.run, step]
+                yield stretch.run, Onset(f"{wanted}, but {met}, from {time:.4g} s on", step)
 
 
 @dataclass(frozen=True)
@@ -168,18 +149,6 @@ def _required_stretches(context: Context, hold: float) -> Iterator[_RequiredStre
 def steps_that_count(context: Context, run: int, hold: float) -> int:
     """Return the number of steps of a run in the shortest time that counts [s]."""
     return max(int(np.ceil(hold / context.trace.timestep[run] - COARSE_ROUNDING)), 1)
-
-
-def _find_violations(runs: MeasuredRuns, mode: int) -> OnsetIterator:
-    """Find unexpected behavior of pairs: sliding, sticking, or anything else."""
-    for stretch in _required_stretches(runs.context, runs.limits["mode_hold"]):
-        found = (
-            _find_mismatches(stretch) if mode == NO_CONTACT else _find_wrong_modes(stretch, mode)
-        )
-        for wanted, met, where in found:
-            step = first_step(where)
-            time = runs.context.trace.time[stretch.run, step]
-            yield stretch.run, Onset(f"{wanted}, but {met}, from {time:.4g} s on", step)
 
 
 def contact_margins(context: Context, hold: float) -> Floats:
