@@ -79,57 +79,7 @@ def arm(spelling: Spelling, gain: float) -> list[str]:
     joint = f'<joint name="{spelling.prefix}turn" axis="0 1 0" damping="{spelling.torque(2)}"/>'
     inside = spelling.geom("sphere", ".05", more=f'pos="{spelling.lengths(".3 0 0")}"')
     servo = f'<position joint="{spelling.prefix}turn" kp="{spelling.torque(gain)}"/>'
-    return [spelling.body("arm", "0 0 1", inside, joint), f"<actuator>{servo}</actuator>"]
-
-
-def lever(spelling: Spelling, name: str, place: str, joint: str) -> str:
-    """Return a ball on a rod of .3 m, which a joint turns about the end of the rod."""
-    ball = spelling.geom("sphere", ".04", more=f'pos="{spelling.lengths(".3 0 0")}"')
-    own = joint.replace("<joint", f'<joint name="{spelling.prefix}{name}"', 1)
-    return spelling.body(name, place, ball, own)
-
-
-def hinge(spelling: Spelling, damping: float, more: str = "") -> str:
-    return f'<joint axis="0 1 0" damping="{spelling.torque(damping)}" {more}/>'
-
-
-def geared(spelling: Spelling) -> list[str]:
-    one, two = (
-        lever(spelling, name, place, hinge(spelling, 0.2))
-        for name, place in (("one", "0 0 1"), ("two", "0 1 1"))
-    )
-    names = f'joint1="{spelling.prefix}one" joint2="{spelling.prefix}two"'
-    return [one, two, f'<equality><joint {names} polycoef="0 2 0 0 0"/></equality>']
-
-
-def roped(spelling: Spelling) -> list[str]:
-    weight = spelling.body("weight", "0 0 1", spelling.geom("sphere", ".05", 2))
-    anchor = f'body1="{spelling.prefix}weight" anchor="{spelling.lengths("0 0 .3")}"'
-    return [weight, f"<equality><connect {anchor}/></equality>"]
-
-
-def sprung(spelling: Spelling, stiffness: float) -> list[str]:
-    """Return a weight of 1 kg on a vertical spring [N/m]."""
-    more = f'stiffness="{stiffness * spelling.mass:.12g}" damping="{2 * spelling.mass:.12g}"'
-    joint = f'<joint type="slide" axis="0 0 1" {more}/>'
-    return [spelling.body("weight", "0 0 1", spelling.geom("sphere", ".05"), joint)]
-
-
-def held_up(spelling: Spelling) -> list[str]:
-    """Return two weights on slides, held up by one tendon."""
-    weights = [
-        spelling.body(
-            name,
-            place,
-            spelling.geom("sphere", ".05"),
-            f'<joint name="{spelling.prefix}{name}" type="slide" axis="0 0 1" '
-            f'damping="{20 * spelling.mass:.12g}"/>',
-        )
-        for name, place in (("left", "0 0 1"), ("right", ".5 0 1"))
-    ]
-    names = [f'<joint joint="{spelling.prefix}{name}" coef="1"/>' for name in ("left", "right")]
-    spring = f'<fixed stiffness="{500 * spelling.mass:.12g}">{"".join(names)}</fixed>'
-    return [*weights, f"<tendon>{spring}</tendon>"]
+    return [spelling.body("arm", "0 0 1", inside, joint), f"ACTUATOR {servo}"]
 
 
 # No box slides: the friction of pyramids depends on its direction, so a turned slope is another
@@ -152,19 +102,6 @@ MODELS: dict[str, Parts] = {
     "heavy stack": lambda spelling: stack(spelling, 30),
     "arm": lambda spelling: arm(spelling, 200),
     "weak arm": lambda spelling: arm(spelling, 4),
-    "sunk box": lambda spelling: [spelling.floor(), box(spelling, height=0.02)],
-    "pendulum": lambda spelling: [lever(spelling, "rod", "0 0 1", hinge(spelling, 0.1))],
-    "stopped lever": lambda spelling: [
-        lever(spelling, "rod", "0 0 1", hinge(spelling, 0.5, 'range="-30 30"'))
-    ],
-    "ball joint": lambda spelling: [
-        lever(spelling, "rod", "0 0 1", f'<joint type="ball" damping="{spelling.torque(0.3)}"/>')
-    ],
-    "gears": geared,
-    "rope": roped,
-    "spring": lambda spelling: sprung(spelling, 300),
-    "stiff spring": lambda spelling: sprung(spelling, 2e6),
-    "tendon": held_up,
 }
 SPELLINGS = {
     "1 s": Spelling(seconds=1.0),
@@ -178,12 +115,12 @@ SPELLINGS = {
 
 def write_model(parts: Parts, spelling: Spelling) -> str:
     bodies = list[str]()
-    sections, tilt = list[str](), ""
+    actuators, tilt = "", ""
     for part in parts(spelling):
         if part.startswith("TILT"):
             tilt = f'euler="0 {part.split()[1]} 0"'
-        elif part.startswith(("<actuator", "<equality", "<tendon")):
-            sections.append(part)
+        elif part.startswith("ACTUATOR"):
+            actuators = f"<actuator>{part.partition(' ')[2]}</actuator>"
         else:
             bodies.append(part)
     bodies = bodies[::-1] if spelling.reverse else bodies
@@ -192,7 +129,7 @@ def write_model(parts: Parts, spelling: Spelling) -> str:
       <option gravity="0 0 {-9.81 * spelling.length:.12g}"/>
       <default><geom solimp=".9 .95 {width}"/></default>
       <worldbody><frame {spelling.frame}><frame {tilt}>{"".join(bodies)}</frame></frame></worldbody>
-      {"".join(sections)}</mujoco>"""
+      {actuators}</mujoco>"""
 
 
 def examine(parts: Parts, spelling: Spelling, folder: Path) -> Examination:

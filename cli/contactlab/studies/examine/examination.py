@@ -3,6 +3,7 @@
 Each part of the report is a section that may be requested alone, with the same numbers.
 """
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -267,7 +268,9 @@ def _shorten_heavy_task(
         task = replace(task, seeds=seeds)
         left_out.append(f"{len(whole.seeds) - seeds} more seeds")
     if task.duration is None and share < 1:
-        seconds = float(f"{share * whole.duration:.1g}")
+        seconds = share * whole.duration
+        digits = 1 - math.floor(math.log10(seconds))
+        seconds = math.floor(seconds * 10**digits) / 10**digits  # two digits, rounded down
         task = replace(task, duration=seconds)
         left_out.append(f"more than {seconds:g} s of {whole.duration:g} s")
     return task, tuple(left_out)
