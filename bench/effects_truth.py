@@ -272,7 +272,8 @@ def _find_ids(model: mujoco.MjModel, part: PartEffect) -> np.ndarray:
     bodies = [name for name in wanted if name not in names]
     if kind == "geom" and bodies:  # a geom without a name goes by that of its body
         for geom in range(model.ngeom):
-            body = model.body(int(model.geom_bodyid[geom])).name
+            own = int(model.geom_bodyid[geom])
+            body = model.body(own).name or f"body[{own}]"
             if body in bodies or f"{body} geom[{geom}]" in bodies:
                 found.append(geom)
     return np.array(found, int)

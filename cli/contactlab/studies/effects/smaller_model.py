@@ -109,7 +109,7 @@ class SmallerSearch:
             sentence += self._describe_shortening() if passed else ""
             if passed:
                 time_ratio = self._time_whole_runs(smaller_model)
-                if time_ratio.is_greater():
+                if time_ratio.ratio > 1 - LEAST_SAVING:
                     self._discard_files(written_model)
                     return None
                 return SmallerModel(
