@@ -474,10 +474,16 @@ class Search:
         return self._evaluate_choice(choice)
 
     def shorter_steps(self, evaluation: Evaluation) -> Iterator[Configuration]:
-        """Yield a configuration at ever shorter usable steps."""
+        """Yield a configuration at ever shorter usable steps.
+
+        None takes more than a quarter of the work of a search, as sleep of a slow model does.
+        """
+        self._work_limit, self.is_late = math.inf, bool
         for multiple in reversed(self.space.steps):
-            if multiple < evaluation.configuration.multiple:
-                yield evaluation.configuration.with_step(multiple)
+            choice = evaluation.configuration.with_step(multiple)
+            is_shorter = multiple < evaluation.configuration.multiple
+            if is_shorter and self._count_work(choice) <= self.work / 4:
+                yield choice
 
     def without_lossy(self, choice: Configuration) -> Configuration:
         """Return a configuration without settings that add error, except integrator and step."""
