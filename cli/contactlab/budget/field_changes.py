@@ -283,7 +283,7 @@ def _stiffen_parts(
     Compliance is proportional to the square of a time constant, and so is the error of a row. The
     constant is divided by a power of two, with a square of at least the row's error over the
     tolerance; or by more, since a very soft part swings first.
-    Where the step would not hold it, the step is divided, too.
+    If the step would not hold it, the step is divided, too.
     """
     soft = [reason for reason in reasons if _find_soft_fields(reason.row)]
     if not soft:
@@ -324,7 +324,7 @@ def _ever_stiffer(
 def _of_solref(
     model: mujoco.MjModel, parts: Sequence[tuple[str, int]], times: int, word: str, what: str
 ) -> Candidate:
-    """Return a solref of so many times the frequency of rows of fields, at a step that holds it."""
+    """Return a solref of `times` the frequency of rows of fields, at a step that holds it."""
     field_values, rate = list[FieldValue](), 1
     for field, row in parts:
         kind = FIELD_KINDS[field.partition("_")[0]]
@@ -368,7 +368,7 @@ def _list_touching_geoms(model: mujoco.MjModel, bodies: set[int]) -> Iterator[tu
 
 
 def _name_part(model: mujoco.MjModel, field: str, row: int) -> str:
-    """Return how a reason speaks of what a row of a field belongs to."""
+    """Return the words of a reason for the owner of a row of a field."""
     if field.startswith("dof_"):
         return joint_name(model, int(model.dof_jntid[row]))
     kind = FIELD_KINDS[field.partition("_")[0]]

@@ -1,4 +1,4 @@
-"""Where forces differ most between two models that begin in one state: a contact, or a joint."""
+"""The contact or joint where forces of two models differ most, both begun in one state."""
 
 from collections import defaultdict
 from itertools import pairwise
@@ -38,7 +38,7 @@ def find_force_place(
 ) -> str:
     """Find the contact, joint, tendon or equality with the largest difference of impulse.
 
-    Impulses are compared in what they give that body: J M^-1 of their sums since the window began,
+    Impulses are compared by their effect on that body: J M^-1 of their sums since the window began,
     at its first state, as velocity and spin times radius of gyration. So forces, torques and
     tendons have one unit. `model` is that of the first impulses.
     """
@@ -61,7 +61,7 @@ def find_force_place(
             )
             for name in sorted(one.keys() | other.keys())
         }
-    # Of a motion that diverges, while it is one.
+    # A motion that diverges counts until its first number that is not finite.
     whole = [
         all(np.isfinite(size[step]) for size in sizes.values()) for step in range(stretch.steps)
     ]

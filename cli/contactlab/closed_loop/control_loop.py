@@ -1,7 +1,7 @@
 """A model under a controller: its control period as a map, linearized and simulated.
 
 The state of a loop is the state of the model, the controls that act, those that wait for their
-latency, what the controller keeps between its calls, and the sensors of the last step. One control
+latency, the memory of the controller, and the sensors of the last step. One control
 period maps it to the next state. All rows of a batch make the period at once, so the derivative of
 the map is a central difference between rows, whatever the integrator is.
 """

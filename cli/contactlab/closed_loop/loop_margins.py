@@ -52,7 +52,7 @@ class LoopStudy:
         return growth <= self.allow_growth(loop)
 
     def run_loop(self, loop: ControlLoop) -> float:
-        """Return the growth of a small offset in a run [1/s], above what the run resolves."""
+        """Return the growth of a small offset in a run [1/s], above the resolution of the run."""
         periods, steps = self.periods, 10 * self.periods
         seconds = min(max(periods / loop.rate, 0.5), max(steps * loop.timestep, 20 / loop.rate))
         resolved = math.log(1.2) / (0.7 * seconds)

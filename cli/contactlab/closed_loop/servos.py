@@ -218,7 +218,7 @@ def _find_lever(model: mujoco.MjModel, data: mujoco.MjData, joint: int) -> float
 
 
 def _find_pressed_body(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> int:
-    # A moving body that touches this one, or what it carries; 0 for none.
+    # A moving body that touches this one, or a body that it carries; 0 for none.
     moved = np.zeros(model.nbody, bool)
     for one in range(body, model.nbody):
         moved[one] = one == body or moved[model.body_parentid[one]]

@@ -19,7 +19,7 @@ def format_length(servo: Servo, amount: float | None) -> str:
 
 
 def servo_tables(servos: Sequence[Servo]) -> Iterator[Block]:
-    """Yield the table of servos, that of the gains that the step holds, and what they mean."""
+    """Yield the table of servos, that of the gains that the step holds, and their meaning."""
     yield table_of(
         ("servo", *(Column(name, "right") for name in _COLUMNS)),
         [_list_cells(servo) for servo in servos],

@@ -1,9 +1,9 @@
-"""The files of a model: what it refers to, where that lies, and a copy that is the same model.
+"""The files of a model: its references, their places, and a copy that is the same model.
 
 Which files a model refers to follows MuJoCo's XML reference (compiler, include, asset), tried on
 MuJoCo 3.17 and 4.0. MuJoCo takes ROS resource names, `package://NAME/PATH` and `model://NAME/PATH`,
-for plain paths, which never exist; here they are looked up. A store's copy has the models as they
-were written; what they name by absolute paths is looked up within the copy.
+for plain paths, which never exist; here they are looked up. A store's copy has the unchanged
+models; their absolute paths are looked up within the copy.
 """
 
 import hashlib
@@ -174,7 +174,7 @@ def append_file(model: Path, within: tuple[Path, ...]) -> tuple[Path, ...]:
 
 
 def _in_copy(path: Path, copy: Path) -> Path:
-    """Return where a copy has what a model names by an absolute path; that path if nowhere."""
+    """Return the place in a copy of a file with an absolute path; that path if it is not there."""
     tails = (copy.joinpath(*path.parts[start:]) for start in range(1, len(path.parts) + 1))
     return next((tail for tail in tails if tail.exists()), path)
 
@@ -261,7 +261,7 @@ def collect_files(model: Path, beside: Sequence[Path] = (), copy: Path | None = 
         root = common_folder(
             {*files, *(_make_plain_path(reference.place) for reference in existing)}
         )
-        # What a package is called is no part of the scene: names start where the files do.
+        # The name of a package is not part of the scene: names start where the files do.
         inner = common_folder(files)
         digest = hashlib.sha256()
         for name in sorted(path.relative_to(inner) for path in files):

@@ -221,7 +221,7 @@ def drive_identity(drive: Drive) -> object:
 
 
 def describe_drive(drive: Drive) -> str:
-    """Return what moves a run, in words."""
+    """Describe the drive of a run in words."""
     match drive:
         case "exercise":
             return (

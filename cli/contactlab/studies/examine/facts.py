@@ -161,7 +161,7 @@ def _of_creep(motion: Motion, run: Run) -> Iterator[Fact]:
     """Yield the contact that creeps fastest at the end of a phase, within its cone of friction.
 
     It touches, and does not slide, in all states of the last fifth. Its creep is the mean velocity
-    of one surface along the other: what rolls does not slip, and what comes back cancels.
+    of one surface along the other: a rolling body does not slip, and a motion back cancels.
     """
     end_share = 0.2  # of the first phase, in which a body at rest may creep
     step = motion.model.opt.timestep

@@ -147,8 +147,8 @@ class FixSearch:
         self._scene, self._values = scene, values
         self._motions, self._verdict = motions, verdict
         self._repeats, self._limits = repeats, trial
-        # Among fixes that change the model, those of the start are tried first: what else is wrong
-        # may follow from it.
+        # Among fixes that change the model, those of the start are tried first: other faults may
+        # follow from it.
         starts = [*filter(self._can_begin, separated(scene, values, motions, verdict))]
         shapes = [*filter(self._can_begin, primitives(scene, values, motions, verdict))]
         physical = [*starts, *shapes]

@@ -168,7 +168,7 @@ def _tested_text(report: TuneReport) -> str:
 
 
 def ending_text(report: TuneReport) -> str:
-    """Say how many trials were made, and what ended them."""
+    """Return the number of trials, and the reason of their end."""
     count = f"{report.trials} trials"
     match report.ended:
         case "complete":
