@@ -76,7 +76,7 @@ class SweepContext(Draft):
             close = did_you_mean(value, spec.choices) if isinstance(value, str) else ""
             plain_value = list(cast("tuple[object]", value)) if isinstance(value, tuple) else value
             message = f"{plain_value!r} is not a value of '{name}'"
-            # A number with another unit, or with letters that are no unit.
+            # A number with the unit of another quantity, or with an unknown one.
             other = spec.unit and magnitude is None and str(value)[:1].isdigit()
             hint = (
                 "write a number" + f" in {spec.unit}" * (spec.unit != "1") if other else str(error)
