@@ -39,7 +39,7 @@ def draw_effects(report: EffectsReport) -> alt.TopLevelMixin:
     smaller = report.smaller
     saving = f"; the smaller model takes x{smaller.time_ratio.ratio:.2f}" if smaller else ""
     title = alt.TitleParams(
-        f"{Path(report.model).name}: what its features and parts cost",
+        f"{Path(report.model).name}: time of its features and parts",
         subtitle=f"time with its 95 % interval{saving}",
     )
     return (
