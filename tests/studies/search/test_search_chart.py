@@ -143,6 +143,14 @@ def test_names_are_in_different_places() -> None:
     assert all(one != other for one, other in combinations(places, 2))
 
 
+def test_the_error_of_one_seed_has_no_interval() -> None:
+    alone = {"error_low": None, "error_high": None, "error_seeds": 1}
+    points = [point.model_copy(update=alone) for point in POINTS]
+    spec = draw_front(build_report(points)).to_dict()
+    rows = next(layer for layer in spec["layer"] if layer["data"]["name"] == "points")
+    assert all(row["low"] == row["high"] == row["error"] for row in rows["data"]["values"])
+
+
 def test_an_error_of_zero_is_drawn() -> None:
     points = [build_point(1, 2.0, 0.0), build_point(2, 1.0, 0.0)]
     assert "2 RK4 2 ms" in str(draw_front(build_report(points)).to_dict())

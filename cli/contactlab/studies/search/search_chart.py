@@ -86,7 +86,7 @@ def draw_front(report: TuneReport, layout: FrontLayout | None = None) -> alt.Top
     errors = [_error_of(point) for point in points]
     across = Scale(min(times) / 1.25, max(times) * 1.25, layout.width)
     # A low end that is nearly 0 does not stretch the axis.
-    lows = [max(point.error_low or 0.0, _error_of(point) / 3) for point in points]
+    lows = [max(_low_of(point), _error_of(point) / 3) for point in points]
     highs = [point.error_high or _error_of(point) for point in points]
     top = max([*errors, *highs, *_limits_near(report, errors)])
     low = min([*errors, *lows])
@@ -141,6 +141,11 @@ def entitle_front(report: TuneReport) -> str:
 
 def _error_of(point: FrontPoint) -> float:
     return max(point.error or 0.0, 1e-16)  # the axis is logarithmic
+
+
+def _low_of(point: FrontPoint) -> float:
+    # The error of one seed has no interval.
+    return _error_of(point) if point.error_low is None else point.error_low
 
 
 def _time_of(point: FrontPoint) -> float:
@@ -203,7 +208,7 @@ def _point_row(point: FrontPoint, report: TuneReport, least: float = 0.0) -> dic
         "fast": ratio.low if ratio else time,
         "slow": ratio.high if ratio else time,
         "error": _error_of(point),
-        "low": max(least, point.error_low or 0.0),
+        "low": max(least, _low_of(point)),
         "high": point.error_high or _error_of(point),
         "integrator": _integrator_of(candidate, report),
     }
@@ -328,8 +333,8 @@ def _span_boxes(points: Sequence[FrontPoint], across: Scale, upward: Scale) -> I
     for point in points:
         left = across.locate_value(_time_of(point))
         low, high = (
-            upward.length - upward.locate_value(max(value or 0.0, upward.low))
-            for value in (point.error_low, point.error_high)
+            upward.length - upward.locate_value(max(value, upward.low))
+            for value in (_low_of(point), point.error_high or _error_of(point))
         )
         yield left - 2, high, left + 2, low
 
