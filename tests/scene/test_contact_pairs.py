@@ -9,7 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from contactlab.scene import contact_pairs
-from contactlab.scene.contact_pairs import detected_pairs, touch_mask
+from contactlab.scene.contact_pairs import detected_pairs, geom_pairs, touch_mask, touch_pairs
 from contactlab.scene.scene import Scene
 
 SHAPES = {
@@ -284,3 +284,18 @@ def test_the_mask_is_that_of_the_rules_pair_by_pair(seed: int) -> None:
         for second in range(model.ngeom):
             expected = first != second and touches_by_rules(model, first, second)
             assert touch[first, second] == expected, (first, second)
+    assert touch_pairs(model) == geom_pairs(touch)
+
+
+def test_listed_pairs_touch_whatever_their_masks_are() -> None:
+    spec = mujoco.MjSpec()
+    names = [spec.worldbody.add_geom(name=f"g{n}", size=[0.1, 0, 0]).name for n in range(3)]
+    moving = spec.worldbody.add_body()
+    moving.add_freejoint()
+    moving.add_geom(name="m", size=[0.1, 0, 0])
+    spec.add_pair(geomname1="m", geomname2=names[1])
+    spec.add_pair(geomname1=names[2], geomname2=names[0])
+    model = spec.compile()
+    assert touch_pairs(model) == geom_pairs(touch_mask(model)) == [(0, 2), (0, 3), (1, 3), (2, 3)]
+    others = touch_pairs(model, listed=False)
+    assert others == geom_pairs(touch_mask(model, listed=False)) == [(0, 3), (2, 3)]

@@ -22,7 +22,7 @@ from contactlab.expression import CheckedText, Checker, ExpressionError, NoValue
 from contactlab.mjcf import OPTIONS
 from contactlab.numerical_tolerance import ROUNDING
 from contactlab.scene.compile_model import SENSOR_PREFIX
-from contactlab.scene.contact_pairs import geom_pairs, touch_mask
+from contactlab.scene.contact_pairs import touch_places
 from contactlab.scene.equation_error import measure_equation_error
 from contactlab.scene.model_edits import FLAG_NAMES, read_flag, read_option
 from contactlab.scene.model_xml import Elements
@@ -145,8 +145,10 @@ class ModelFacts:
             )
         if not (np.any(first) and np.any(second)):
             return 0
-        mask = np.logical_and.outer(first, second)
-        return len(geom_pairs(touch_mask(self.model) & (mask | mask.T)))
+        first, second = (np.broadcast_to(each, self.model.ngeom) for each in (first, second))
+        one, other = touch_places(self.model)
+        chosen = (first[one] & second[other]) | (first[other] & second[one])
+        return int(np.count_nonzero(chosen))
 
     def count_contacts(self, first: str, second: str) -> int:
         """Return the number of contacts of two geoms that touch or overlap."""

@@ -194,6 +194,10 @@ def main() -> None:
         if "MUJOCO_GL" in str(error):
             say(f"error: {in_one_line_of(str(error))}; unset it, or set it to egl, osmesa or glfw")
             raise SystemExit(CommandLineError.exit_code) from error
+        if type(error).__qualname__ == "FatalError" and type(error).__module__ == "mujoco":
+            # The class is not imported, because most commands need no MuJoCo.
+            say(f"error: MuJoCo cannot simulate the model: {in_one_line_of(str(error))}")
+            raise SystemExit(CommandLineError.exit_code) from error
         if os.environ.get("CONTACTLAB_TRACEBACK"):
             raise
         *_, last = traceback.extract_tb(error.__traceback__)

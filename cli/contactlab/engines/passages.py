@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from contactlab.contact.rotations import rotate_vectors, rotate_vectors_back
 from contactlab.contact.trace_arrays import Floats, Passage, squared_lengths
 from contactlab.numerical_tolerance import COARSE_ROUNDING, SUM_ROUNDING
-from contactlab.scene.contact_pairs import body_reaches, half_extents, pair_places, touch_mask
+from contactlab.scene.contact_pairs import body_reaches, half_extents, touch_places
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.scene.model_edits import read_flag
 from contactlab.scene.model_names import name_of
@@ -268,7 +268,7 @@ class _ReachOfSteps(NamedTuple):
 
 @lru_cache(maxsize=1)
 def _reach_of_steps(model: mujoco.MjModel) -> _ReachOfSteps:
-    first, second = pair_places(touch_mask(model))
+    first, second = touch_places(model)
     on = read_flag(model, "contact") and (len(first) or model.nflex)
     # Half the smallest extents [m]; infinite for geoms that cannot collide.
     meets = (np.asarray(model.geom_contype) | np.asarray(model.geom_conaffinity)) != 0

@@ -31,7 +31,7 @@ from contactlab.run.evidence_record import find_provenance
 from contactlab.run.sweep_runner import identity_fields, measured_columns, shared_fields
 from contactlab.run.tasks import Task
 from contactlab.run.worker import Worker
-from contactlab.scene.contact_pairs import colliding_geoms, declared_pairs, geom_pairs, touch_mask
+from contactlab.scene.contact_pairs import colliding_geoms, declared_pairs, touch_mask, touch_pairs
 from contactlab.scene.model_names import match_names, name_of
 from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import BINARY, MANIFEST, stored_scene
@@ -278,7 +278,7 @@ def _pair_entries(model: mujoco.MjModel, monitored: Monitored) -> list[Mapping[s
         return [{"geoms" if set(monitored) <= set(names) else "bodies": monitored}]
     bodies = [name_of(model, "body", body) for body in model.geom_bodyid]
     of = set(match_names([*names, *bodies], monitored))
-    pairs = geom_pairs(touch_mask(model))
+    pairs = touch_pairs(model)
     monitored_pairs = [
         pair for pair in pairs if any(of & {names[geom], bodies[geom]} for geom in pair)
     ]

@@ -26,7 +26,7 @@ from contactlab.run.planned_runs import RunIndex, reference_models
 from contactlab.run.sampled_cost import sample_cost
 from contactlab.run.sweep_advisories import find_sweep_advisories
 from contactlab.run.sweep_request import SweepRequest
-from contactlab.scene.contact_pairs import geom_pairs, half_extents, touch_mask
+from contactlab.scene.contact_pairs import half_extents, touch_places
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
@@ -216,7 +216,7 @@ def _forecast_warnings(plan: Plan, scene: Scene, runs: int, sums: _RunSums) -> I
         )
     if sums.sampled and not (scene.source.manifest and scene.source.manifest.pairs):
         base = scene.base(sums.sampled[0].structure)
-        count, monitored = len(geom_pairs(touch_mask(base.model))), len(base.pairs)
+        count, monitored = len(touch_places(base.model)[0]), len(base.pairs)
         if count > monitored:
             yield (
                 f"{monitored} of {count} pairs of geoms that can touch are monitored, the "

@@ -7,7 +7,7 @@ parameters that have an override option. Source: MuJoCo's documentation, Modelin
 parameters.
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from itertools import pairwise, product
 from typing import Any
@@ -66,8 +66,7 @@ def detected_pairs(model: mujoco.MjModel, keyframe: str = QPOS0) -> tuple[Monito
     the nearest at the start come first. The runs start at qpos0 and at the keyframe, because
     contacts depend on the posture, such as whether fingers are open or closed.
     """
-    touch = touch_mask(model)
-    pairs = geom_pairs(touch)
+    pairs = touch_pairs(model)
     if len(pairs) > MAX_PAIRS:
         touching = _touching_pairs(model, {QPOS0, keyframe})
         rest = set(pairs).difference(touching)
@@ -164,14 +163,49 @@ def touch_mask(model: mujoco.MjModel, *, listed: bool = True) -> NDArray[np.bool
     The geoms of <pair> elements touch whatever their masks are. If not `listed`, they do not count.
     Source: MuJoCo's documentation, Computation > Collision > Selection.
     """
+    # Pages of zeros that are not written take no memory.
+    touch = np.zeros((model.ngeom, model.ngeom), np.bool_)
+    for rows, part in _touch_rows(model):
+        touch[rows] = part
+        touch[:, rows] = part.T
+    for pair in zip(model.pair_geom1, model.pair_geom2, strict=True):
+        touch[pair] = touch[pair[::-1]] = listed
+    return touch
+
+
+def touch_places(
+    model: mujoco.MjModel, *, listed: bool = True
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return (P,) the first and the second geoms of the pairs of `touch_mask`, in order.
+
+    Many geoms that do not move take neither the time nor the memory of a mask.
+    """
+    codes = [np.empty(0, np.intp)]
+    for rows, part in _touch_rows(model):
+        places, others = np.nonzero(part)
+        own = rows[places]
+        codes.append(np.minimum(own, others) * model.ngeom + np.maximum(own, others))
+    pairs = np.sort([model.pair_geom1, model.pair_geom2], axis=0).astype(np.intp)
+    combine = np.union1d if listed else np.setdiff1d
+    found = combine(np.concatenate(codes), pairs[0] * model.ngeom + pairs[1])
+    first, second = np.divmod(found, max(model.ngeom, 1))
+    return first, second
+
+
+def touch_pairs(model: mujoco.MjModel, *, listed: bool = True) -> list[tuple[int, int]]:
+    """Return the pairs of geoms of `touch_mask`, the lower id first, in order."""
+    first, second = touch_places(model, listed=listed)
+    return list(zip(first.tolist(), second.tolist(), strict=True))
+
+
+def _touch_rows(model: mujoco.MjModel) -> Iterator[tuple[NDArray[np.intp], NDArray[np.bool_]]]:
+    """Yield some moving geoms, and (rows, ngeom) whether they may touch each geom."""
     bodies = np.asarray(model.geom_bodyid)
     welds, flat = model.body_weldid[bodies], np.isin(model.geom_type, _SURFACE_TYPES)
     kinds, affinities = np.asarray(model.geom_contype), np.asarray(model.geom_conaffinity)
     parents = model.body_weldid[model.body_parentid[welds]]
     filters_parents = not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FILTERPARENT
-    # One of two geoms moves. Rows of moving geoms are filled some at a time: pages of zeros that
-    # are not written take no memory.
-    touch = np.zeros((model.ngeom, model.ngeom), np.bool_)
+    # One of two geoms moves.
     moving = np.flatnonzero(model.body_dofnum[welds] > 0)
     at_once = max(1, (1 << 22) // max(model.ngeom, 1))
     for begin in range(0, len(moving), at_once):
@@ -182,14 +216,11 @@ def touch_mask(model: mujoco.MjModel, *, listed: bool = True) -> NDArray[np.bool
         if filters_parents:
             part &= ~((welds > 0) & (welds == parents[rows, None]))
             part &= ~((own > 0) & (own == parents))
-        touch[rows] = part
-        touch[:, rows] = part.T
-    for signature in model.exclude_signature:
-        first, second = (np.flatnonzero(bodies == body) for body in divmod(int(signature), 1 << 16))
-        touch[np.ix_(first, second)] = touch[np.ix_(second, first)] = False
-    for pair in zip(model.pair_geom1, model.pair_geom2, strict=True):
-        touch[pair] = touch[pair[::-1]] = listed
-    return touch
+        for signature in model.exclude_signature:
+            excluded = divmod(int(signature), 1 << 16)
+            for first, second in (excluded, excluded[::-1]):
+                part[np.ix_(bodies[rows] == first, bodies == second)] = False
+        yield rows, part
 
 
 def mask_overlap(model: mujoco.MjModel) -> NDArray[np.bool_]:
@@ -201,14 +232,9 @@ def mask_overlap(model: mujoco.MjModel) -> NDArray[np.bool_]:
 
 def geom_pairs(touch: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Return the geom pairs with a true entry in a symmetric (ngeom, ngeom) mask, in order."""
-    return list(zip(*(each.tolist() for each in pair_places(touch)), strict=True))
-
-
-def pair_places(touch: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return (P,) the first and the second geoms of the pairs that `geom_pairs` lists."""
     first, second = np.nonzero(touch)
     upper = first < second
-    return first[upper], second[upper]
+    return list(zip(first[upper].tolist(), second[upper].tolist(), strict=True))
 
 
 def _touching_pairs(model: mujoco.MjModel, keyframes: set[str]) -> list[tuple[int, int]]:

@@ -51,7 +51,7 @@ def name_by_address(spec: mujoco.MjSpec) -> None:
         return
     # The id of each element in the compiled specification; -1 for removed elements.
     if not (spec.compiler.fusestatic or spec.compiler.discardvisual):
-        ids = {kind: range(len(getattr(spec, plural))) for kind, plural in OBJECT_LISTS.items()}
+        ids = {kind: range(len(elements)) for kind, elements in kinds.items()}
     else:
         trial = spec.copy()
         names: dict[str, list[str]] = {}

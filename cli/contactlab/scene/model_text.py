@@ -158,8 +158,11 @@ class Origins:
             root.text = "\n" * (1 + max(found.by_line, default=0))
             ET.ElementTree(root).write(path)
             data = path.read_bytes()
+            line, place = 1, 0
             for element, text in zip(root.iter(), elements_of(data), strict=True):
-                found.by_line[line_of(data, text.start)] = origins[element]
+                line += data.count(b"\n", place, text.start)
+                place = text.start
+                found.by_line[line] = origins[element]
                 if path == main:
                     found.last[element.tag] = origins[element]
                     if element.tag == "key":

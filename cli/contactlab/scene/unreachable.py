@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.scene.contact_pairs import geom_pairs, touch_mask
+from contactlab.scene.contact_pairs import touch_pairs
 from contactlab.scene.model_edits import read_flag
 
 GeomPair = tuple[int, int]
@@ -24,7 +24,7 @@ _UNMEASURED_SHAPES = {int(_GEOM_TYPES.mjGEOM_HFIELD), int(_GEOM_TYPES.mjGEOM_SDF
 
 def filtered_pairs(model: mujoco.MjModel) -> list[GeomPair]:
     """Return the pairs of geoms, lower id first, that may touch because of their masks."""
-    return geom_pairs(touch_mask(model, listed=False))
+    return touch_pairs(model, listed=False)
 
 
 class Clearance:

@@ -119,8 +119,8 @@ def draw_pictures(
         areas.append(mujoco.MjrRect(0, 0, width // inset_factor, height // inset_factor))
     option = mujoco.MjvOption()
     option.flags[mujoco.mjtVisFlag.mjVIS_TRANSPARENT] = True
-    most_geoms = 20_000
-    data, scene = mujoco.MjData(model), mujoco.MjvScene(model, most_geoms)
+    # Each geom may be drawn twice; the others are sites, tendons, trails and forces.
+    data, scene = mujoco.MjData(model), mujoco.MjvScene(model, 20_000 + 2 * model.ngeom)
     with graphics_context(width, height) as screen:
         context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
         try:
@@ -224,7 +224,8 @@ def _draw_ghost(
 
 def draw_background(model: mujoco.MjModel, scene: mujoco.MjvScene) -> None:
     """Put a bright wall behind everything if a model has no sky, instead of MuJoCo's black."""
-    if (model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX).any():
+    has_sky = (model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX).any()
+    if has_sky or scene.ngeom == scene.maxgeom:
         return
     eye = scene.camera[0]
     # The background's distance as a fraction of the farthest visible one.

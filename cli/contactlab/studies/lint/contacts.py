@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator
+from functools import cache
 from typing import NamedTuple
 
 import mujoco
@@ -15,7 +16,7 @@ from contactlab.contact.contact_laws import (
 )
 from contactlab.judge.limits import MILLIMETRES, MILLISECONDS, Limit
 from contactlab.numerical_tolerance import SUM_ROUNDING
-from contactlab.scene.contact_pairs import geom_pairs, touch_mask
+from contactlab.scene.contact_pairs import touch_pairs, touch_places
 from contactlab.scene.model_text import mjcf_text
 from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel
 from contactlab.studies.lint.rules import rule
@@ -59,7 +60,7 @@ def _touching_geoms(model: mujoco.MjModel) -> np.ndarray:
     """Return the geoms that can touch others by their masks; pairs have their own parameters."""
     if model.opt.disableflags & _NO_CONTACT:
         return np.empty(0, int)
-    return np.flatnonzero(touch_mask(model, listed=False).any(axis=1))
+    return np.unique(touch_places(model, listed=False))
 
 
 def _solref_users(model: mujoco.MjModel) -> Iterator[_User]:
@@ -85,8 +86,9 @@ def _users_by_solref(
 ) -> Iterator[tuple[Solref, list[_User]]]:
     """Yield each wrong solref, with the parts of one kind that have it."""
     found: dict[tuple[str, Solref], list[_User]] = defaultdict(list)
+    is_wrong = cache(wrong)  # many parts have the same
     for user in _solref_users(linted.model):
-        if wrong(user.solref):
+        if is_wrong(user.solref):
             found[user.kind, user.solref].append(user)
     for (_, solref), users in found.items():
         yield solref, users
@@ -212,7 +214,7 @@ def find_frictionless_condims(linted: LintedModel) -> Iterator[Fault]:
     if not slides.any() or model.opt.disableflags & _NO_CONTACT:
         return
     told = set[int]()
-    for first, second in geom_pairs(touch_mask(model, listed=False)):
+    for first, second in touch_pairs(model, listed=False):
         priority = model.geom_priority[[first, second]]
         deciding = [g for g in (first, second) if model.geom_priority[g] == priority.max()]
         condim = int(model.geom_condim[deciding].max())

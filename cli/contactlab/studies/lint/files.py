@@ -120,7 +120,9 @@ def find_unused_assets(linted: LintedModel) -> Iterator[Fault]:
     Fix: remove it.
     """
     model, spec = linted.model, linted.spec
-    used = {geom.meshname for geom in spec.geoms} | {geom.hfieldname for geom in spec.geoms}
+    if not model.nmesh + model.nhfield:
+        return
+    used = {name for geom in spec.geoms for name in (geom.meshname, geom.hfieldname)}
     skinned = bool(model.nskin or model.nflex or model.nplugin or model.nsensor)
     for kind, assets in (("mesh", spec.meshes), ("hfield", spec.hfields)):
         unused = [asset.name for asset in assets if asset.file and asset.name not in used]

@@ -156,7 +156,11 @@ class LintedModel:
             data = mujoco.MjData(self.model)
             if name != QPOS0:
                 mujoco.mj_resetDataKeyframe(self.model, data, self.model.key(name).id)
-            mujoco.mj_forward(self.model, data)
+            try:
+                mujoco.mj_forward(self.model, data)
+            except mujoco.FatalError as error:
+                why = str(error).splitlines()[0]
+                raise SceneError(f"MuJoCo cannot compute the state {name}: {why}") from error
             data_by_start[name] = data
         return data_by_start
 

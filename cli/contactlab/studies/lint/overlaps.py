@@ -9,7 +9,7 @@ import numpy as np
 
 from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.body_inertia import hull_volume, mesh_vertices
-from contactlab.scene.contact_pairs import half_extents, touch_mask
+from contactlab.scene.contact_pairs import half_extents, touch_mask, touch_places
 from contactlab.schema.task import QPOS0
 from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel, Place
 from contactlab.studies.lint.rules import rule
@@ -196,7 +196,8 @@ def find_starts_below_floor(linted: LintedModel) -> Iterator[Fault]:
 
     The floor throws it out. Fix: a larger `pos`, or a keyframe.
     """
-    model, touch = linted.model, touch_mask(linted.model)
+    model = linted.model
+    pairs = np.column_stack(touch_places(model))
     planes = np.flatnonzero(model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE)).tolist()
     for start, data in linted.starts.items():
         for joint in np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)).tolist():
@@ -205,7 +206,8 @@ def find_starts_below_floor(linted: LintedModel) -> Iterator[Fault]:
             for plane in planes:
                 normal = data.geom_xmat[plane].reshape(3, 3)[:, 2]
                 below = float(normal @ (data.geom_xpos[plane] - data.subtree_com[body]))
-                if below > COARSE_ROUNDING * model.stat.extent and touch[plane, own].any():
+                touches = own[pairs[(pairs == plane).any(axis=1)]].any()
+                if below > COARSE_ROUNDING * model.stat.extent and touches:
                     name, floor = linted.name("body", body), linted.name("geom", plane)
                     yield Fault(
                         f"at {start}, the center of mass of {name} is {1e3 * below:.3g} mm below "
@@ -280,8 +282,12 @@ def find_coincident_geoms(model: mujoco.MjModel) -> list[tuple[int, int]]:
     """Return pairs of geoms of one rigid part that fill one place and collide with the same."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    solid = np.flatnonzero((model.geom_contype | model.geom_conaffinity) != 0)
     parts = model.body_weldid[model.geom_bodyid]
+    collides = (model.geom_contype | model.geom_conaffinity) != 0
+    others = np.bincount(parts[collides], minlength=model.nbody)[parts] > 1
+    solid = np.flatnonzero(collides & others & (parts > 0))
+    if not len(solid):
+        return []
 
     # Boxes around the geoms, in the frames of their parts.
     turn = np.asarray(data.xmat)[parts].reshape(-1, 3, 3).transpose(0, 2, 1)
@@ -298,7 +304,7 @@ def find_coincident_geoms(model: mujoco.MjModel) -> list[tuple[int, int]]:
         if any(first == second for _, second in doubled):
             continue
         rest = solid[place + 1 :]
-        rest = rest[(parts[rest] == parts[first]) & (parts[rest] > 0)]
+        rest = rest[parts[rest] == parts[first]]
         apart = np.maximum(np.abs(lows[rest] - lows[first]), np.abs(highs[rest] - highs[first]))
         alike = apart.max(axis=1, initial=0.0) <= same_share * (highs[first] - lows[first]).min()
         shared = (touch[rest] & touch[first]).any(axis=1)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.scene.contact_pairs import touch_mask
+from contactlab.scene.contact_pairs import touch_pairs
 from contactlab.studies.lint.linted_model import Fault, LintedModel
 from contactlab.studies.lint.rules import rule
 
@@ -164,7 +164,11 @@ def find_missing_floor(linted: LintedModel) -> Iterator[Fault]:
         root = int(model.jnt_bodyid[joint])
         own = model.body_rootid[model.geom_bodyid] == model.body_rootid[root]
         moved = model.body_rootid[model.jnt_bodyid[driven]] == model.body_rootid[root]
-        if not moved.any() or others or touch_mask(model)[own][:, ~own].any():
+        if (
+            not moved.any()
+            or others
+            or any(own[first] != own[second] for first, second in touch_pairs(model))
+        ):
             continue
         name = linted.name("body", root)
         yield Fault(

@@ -20,9 +20,9 @@ from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import (
     MAX_PAIRS,
     colliding_geoms,
-    geom_pairs,
     half_extents,
     touch_mask,
+    touch_pairs,
 )
 from contactlab.scene.model_names import find_id, name_of
 from contactlab.scene.part_bodies import bodies_of_actuator, is_mocap_driven
@@ -105,7 +105,7 @@ def choose_pairs(model: mujoco.MjModel, names: Sequence[str]) -> list[PairEntry]
     objects = parts.named_bodies(names) if names else parts.things or parts.agents
     owner = np.asarray(model.geom_bodyid)
     geoms, bodies = list[PairEntry](), dict[tuple[str, str], None]()
-    for pair in geom_pairs(touch_mask(model)):
+    for pair in touch_pairs(model):
         both = [int(owner[geom]) for geom in pair]
         apart = parts.trees[both[0]] != parts.trees[both[1]] or bool(names)
         if apart and not objects.isdisjoint(both):
