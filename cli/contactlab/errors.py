@@ -46,6 +46,15 @@ class SceneError(ContactlabError):
     """A scene, its manifest or its model cannot be used as asked."""
 
 
+class DriveFileError(SceneError):
+    """A file of a drive cannot be used."""
+
+    def __init__(self, message: str, file: Path) -> None:
+        """Take the message, and the path of the file."""
+        super().__init__(message)
+        self.file = file
+
+
 class AdvisoryError(ContactlabError):
     """An advisory has mistakes, or its witness cannot be run here."""
 
@@ -132,6 +141,13 @@ def suggestion(name: str, known_names: Iterable[str], alike: float = 0.6) -> str
 def did_you_mean(name: str, known_names: Iterable[str]) -> str:
     """Return a suggestion to append to a message, behind a semicolon; or an empty string."""
     return f"; {hint}" if (hint := suggestion(name, known_names)) else ""
+
+
+def explain_fatal(error: Exception) -> str:
+    """Return the reason of a `mujoco.FatalError`, with a remedy if there is one."""
+    if "memory" in str(error):
+        return 'its contacts need more memory; reserve more by <size memory="1G"/>'
+    return str(error).splitlines()[0]
 
 
 def no_file(path: Path, kind: str, suffixes: Collection[str] = ()) -> str:

@@ -119,10 +119,19 @@ SWEEPS = {
     "must.yaml": sweep("must: ['held(mugg)']", scene="grasp_mug"),
 }
 OTHERS = {
+    "little-memory.xml": model(
+        FLOOR
+        + "".join(
+            f"<body pos='{x} 0 .04'><freejoint/><geom type='box' size='.05 .05 .05'/></body>"
+            for x in (0, 0.3)
+        ),
+        beside="<size memory='2K'/>",
+    ),
     "broken.py": "def metric(:\n",
     "raises.py": "raise ValueError('no')\n",
     "policy.yaml": "tolerance: {}\n",
     "robot.txt": "hello\n",
     "folder.json/readme.txt": "a folder\n",
+    "list-key/scene.yaml": "version: 1\nmodel: sound.xml\n? [[a]]\n: b\n",
 }
 FILES: dict[str, str | bytes] = {**MODELS, **SWEEPS, **OTHERS}

@@ -58,6 +58,7 @@ FRONT_DOOR = [
     Bad("menagerie:frank_emika_panda", "'frank_emika_panda'", "did you mean 'franka_emika_panda'?"),
 ]
 OF_MODELS = [
+    Bad("list-key", "list-key/scene.yaml: not YAML of a manifest", "a key is a list or a mapping"),
     Bad("empty.xml", "empty.xml:1:1: not XML: the file is empty", "<mujoco>...</mujoco>"),
     Bad("empty.urdf", "empty.urdf:1:1: not XML: the file is empty", "<robot>...</robot>"),
     Bad("text.xml", "text.xml:1:1: not XML", "<mujoco>...</mujoco>"),
@@ -316,6 +317,23 @@ def test_an_error_says_where_and_what_to_write(
     assert not FOREIGN.search(err)
     assert err.startswith("error")
     assert listing(brought) == before
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        ("little-memory.xml", "error: MuJoCo cannot simulate the model: its contacts need more"),
+        ("effects little-memory.xml", "error: no part of the motion can be judged"),
+    ],
+)
+def test_lost_contacts_end_in_an_error(
+    contactlab: Run, brought: Path, monkeypatch: pytest.MonkeyPatch, words: str, error: str
+) -> None:
+    monkeypatch.chdir(brought)
+    code, out, err = contactlab(*words.split())
+    assert (code, out) == (2, "")
+    assert error in err
+    assert not FOREIGN.search(err)
 
 
 def test_there_are_a_hundred_and_all_files_are_among_them() -> None:

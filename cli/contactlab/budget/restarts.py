@@ -82,7 +82,7 @@ def held_inputs(
         return np.empty((len(seeds), steps, 0))
     fine = begins[:, None] + np.arange(steps * multiple)
     rows = motion.inputs[seeds[:, None], np.minimum(fine // finer, motion.steps - 1)]
-    return rows.reshape(len(seeds), steps, multiple, -1).mean(axis=2)
+    return rows.reshape(len(seeds), steps, multiple, rows.shape[-1]).mean(axis=2)
 
 
 def motion_at_steps(motion: Motion, finer: int, seeds: np.ndarray, multiple: int) -> Motion:

@@ -24,6 +24,7 @@ from contactlab.errors import (
     FaultError,
     OutputError,
     error_text,
+    explain_fatal,
     in_one_line,
 )
 from contactlab.printable import in_one_line as in_one_line_of
@@ -196,7 +197,8 @@ def main() -> None:
             raise SystemExit(CommandLineError.exit_code) from error
         if type(error).__qualname__ == "FatalError" and type(error).__module__ == "mujoco":
             # The class is not imported, because most commands need no MuJoCo.
-            say(f"error: MuJoCo cannot simulate the model: {in_one_line_of(str(error))}")
+            why = in_one_line_of(explain_fatal(error))
+            say(f"error: MuJoCo cannot simulate the model: {why}")
             raise SystemExit(CommandLineError.exit_code) from error
         if os.environ.get("CONTACTLAB_TRACEBACK"):
             raise

@@ -5,12 +5,13 @@ from collections.abc import Collection
 from itertools import combinations
 from pathlib import Path
 
-from contactlab.errors import suggestion
+from contactlab.errors import DriveFileError, suggestion
 from contactlab.expression import Expression, ExpressionError
 from contactlab.plan.diagnostics import Place
 from contactlab.plan.grid import Match
 from contactlab.plan.rows import SweepContext
 from contactlab.plan.yaml_document import Document, KeyPath
+from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import ERRORS
 from contactlab.schema.sweep_schema import Condition, Sweep
 from contactlab.schema.vocabulary import DROP_HEIGHT
@@ -121,15 +122,14 @@ def check_drive(context: SweepContext) -> None:
     document, drive, check = context.document, context.sweep.drive, context.vocabulary
     if drive and check.mistake_in_drive and (mistake := check.mistake_in_drive(drive)):
         drive_mapping = document.mapping_at("drive")
-        source_keys = [key for key in ("policy", "file", "files") if key in drive_mapping]
-        # A missing file is that of the key with its name.
-        files = {key: str(drive_mapping[key]).strip("[]'").partition(":")[0] for key in source_keys}
-        mistaken_keys = [
-            key for key in source_keys if Path(files[key]).name in mistake.partition(";")[0]
-        ]
-        keys = (mistaken_keys or source_keys)[:1]
-        hint = "relative paths start at the sweep file" * ("no file" in mistake)
-        document.add_mistake("drive-file", ("drive", *keys), mistake, hint)
+        keys = [key for key in ("policy", "file", "files") if key in drive_mapping][:1]
+        if isinstance(mistake, DriveFileError) and isinstance(drive, PolicyDrive):
+            files = [Path(file).expanduser().parts for file in drive.files]
+            if any(mistake.file.parts[-len(file) :] == file for file in files):
+                keys = ["files"]
+        message = str(mistake).removeprefix("drive: ")
+        hint = "relative paths start at the sweep file" * ("no file" in message)
+        document.add_mistake("drive-file", ("drive", *keys), message, hint)
 
 
 def _check_requirement(context: SweepContext, text: str, path: KeyPath) -> None:

@@ -202,11 +202,11 @@ class SceneLoader:
             most = duration or self.open(reference).duration
             return mistake_in_requirement(text, scene.base({}), scene.source.manifest, most)
 
-        def check_drive(drive: Drive) -> str | None:
+        def check_drive(drive: Drive) -> SceneError | None:
             try:
                 _ = self.drive or self._open_driven(reference, drive)
             except SceneError as error:
-                return str(error).removeprefix("drive: ")
+                return error
             return None
 
         manifest = scene.source.manifest

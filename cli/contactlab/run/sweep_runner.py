@@ -197,6 +197,11 @@ def _repeat_some(session: SweepSession) -> tuple[str, ...]:
     task, runs = session.task, session.index.iterate_runs()
     if task.policy is None or session.stop.is_set:
         return ()
+    if not session.executor.workers:
+        _LOG.warning(
+            "with --workers 0 a run is repeated in this process only, so a policy that depends on "
+            "its process is not noticed"
+        )
     some = [*islice(runs, 1)]
     unrepeatable = find_unrepeatable(task, some, session.executor.workers, session.stop)
     for run_id in unrepeatable:

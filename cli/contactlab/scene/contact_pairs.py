@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.errors import SceneError
+from contactlab.errors import SceneError, explain_fatal
 from contactlab.mjcf import CONTACT
 from contactlab.scene.keyframes import start_data
 from contactlab.scene.model_names import match_names, name_of, require_id
@@ -255,7 +255,8 @@ def _touching_pairs(model: mujoco.MjModel, keyframes: set[str]) -> list[tuple[in
                 if left < 0:
                     break
     except mujoco.FatalError as error:
-        raise SceneError(f"cannot detect contact pairs: the simulation failed: {error}") from error
+        why = explain_fatal(error)
+        raise SceneError(f"cannot detect contact pairs: the simulation failed: {why}") from error
     pairs, counts = np.unique(np.concatenate(found), return_counts=True)
     order: list[int] = pairs[np.argsort(-counts, kind="stable")].tolist()
     return [divmod(pair, model.ngeom) for pair in order]

@@ -239,6 +239,8 @@ def read_manifest(path: Path) -> SceneManifest:
             f"  {'.'.join(part for part in at if '@' not in part)}: {text}" for at, text in mistakes
         ]
         raise SceneError("\n".join([f"{path}: invalid manifest", *errors])) from error
+    except TypeError as error:
+        raise SceneError(f"{path}: not YAML of a manifest: a key is a list or a mapping") from error
     except (YAMLError, ValueError, OSError, RecursionError) as error:
         raise SceneError(f"{path}: not YAML: {error}") from error
 

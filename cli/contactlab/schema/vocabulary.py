@@ -7,6 +7,7 @@ from typing import Annotated, Literal, cast
 from pydantic import AfterValidator, Discriminator, Field, Tag, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
+from contactlab.errors import SceneError
 from contactlab.schema.drive import Drive
 from contactlab.schema.strict_model import MEASURED, Model, Number, Positive, Value, Whole, about
 
@@ -73,7 +74,7 @@ class Vocabulary:
     """Whether the scene itself has requirements."""
     mistake_in_requirement: Callable[[str, float | None], str | None] | None = None
     """Fault of a requirement in runs of that duration; None if there is none."""
-    mistake_in_drive: Callable[[Drive], str | None] | None = None
+    mistake_in_drive: Callable[[Drive], SceneError | None] | None = None
     """Fault of the drive of a sweep file, such as a missing file; None if it can be used."""
 
 

@@ -29,6 +29,7 @@ from contactlab.budget.restarts import (
 )
 from contactlab.budget.windows import Observer, Run, body_name, judged_bodies, replay
 from contactlab.contact.trace_arrays import Floats
+from contactlab.errors import SceneError
 from contactlab.modifications.model_predicates import is_disabled
 from contactlab.numerical_tolerance import COARSE_ROUNDING, SUM_ROUNDING
 from contactlab.scene.model_edits import set_timestep, write_option
@@ -281,6 +282,11 @@ class PhaseReference:
     def velocities_around(self, model: mujoco.MjModel, multiple: int) -> Floats:
         """Return (M, 3, B, 6) velocities of a model one step before, at and after window ends."""
         _, which = self._window_ends(multiple)
+        if not len(which):
+            raise SceneError(
+                "no part of the motion can be judged: it diverges or loses contacts from the start "
+                "(see `contactlab lint`)"
+            )
         count = max(MIN_WINDOW_STEPS, round(self._run.steps / multiple))
         motion = self.motion_of(model, multiple, which, count + 1)
         run = replay(motion, (count + 1) * float(motion.model.opt.timestep), self._workers)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from contactlab.errors import SceneError, no_file
+from contactlab.errors import DriveFileError, SceneError, no_file
 from contactlab.scene.model_guards import check_places
 from contactlab.scene.model_xml import check_regular
 from contactlab.schema.drive import Drive, FileDrive, PolicyDrive, drive_files, drive_text
@@ -64,7 +64,10 @@ def locate_drive(drive: Drive, folder: Path, *, named_by_user: bool = False) -> 
         return LocatedDrive(drive)
     files = tuple(folder / Path(file).expanduser() for file in drive_files(drive))
     for file in files:
-        check_regular(file)
+        try:
+            check_regular(file)
+        except SceneError as error:
+            raise DriveFileError(str(error), file) from error
     if not named_by_user:
         check_places(files, folder.absolute())
     sha256 = drive.sha256 or _hash_files(files)
@@ -83,10 +86,12 @@ def _hash_files(files: tuple[Path, ...]) -> str:
     for file in files:
         try:
             if (size := file.stat().st_size) > _MOST_BYTES:
-                raise SceneError(f"drive: {file} has {size:,} bytes, more than {_MOST_BYTES:,}")
+                message = f"drive: {file} has {size:,} bytes, more than {_MOST_BYTES:,}"
+                raise DriveFileError(message, file)
             data = file.read_bytes()
         except OSError as error:
-            raise SceneError(f"drive: {no_file(file, 'file', {file.suffix})}") from error
+            message = f"drive: {no_file(file, 'file', {file.suffix})}"
+            raise DriveFileError(message, file) from error
         # For a single file this is the usual SHA-256 of the file.
         head = f"{file.name}\0{len(data)}\0" if len(files) > 1 else ""
         digest.update(head.encode() + data)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import mujoco
 
-from contactlab.errors import SceneError
+from contactlab.errors import SceneError, explain_fatal
 from contactlab.scene.body_inertia import inertia_faults
 from contactlab.scene.compile_model import (
     COMPILE_ERRORS,
@@ -159,7 +159,7 @@ class LintedModel:
             try:
                 mujoco.mj_forward(self.model, data)
             except mujoco.FatalError as error:
-                why = str(error).splitlines()[0]
+                why = explain_fatal(error)
                 raise SceneError(f"MuJoCo cannot compute the state {name}: {why}") from error
             data_by_start[name] = data
         return data_by_start
