@@ -14,6 +14,7 @@ import vl_convert
 
 from contactlab import charts
 from contactlab.charts import SUFFIXES, check_figure, layer_of, save_figure, vega_bundle
+from contactlab.page.heatmap import _DIVERGING
 
 CHART = layer_of("points", [{"x": 1, "y": 2}]).mark_point().encode(x="x:Q", y="y:Q")
 
@@ -60,3 +61,7 @@ def test_the_script_of_charts_is_bundled_once_and_only_read_from_an_own_folder(
     (tmp_path / "contactlab").chmod(0o700)
     monkeypatch.setattr(charts, "version", lambda _name: "0.0.0")
     assert read() != first
+
+
+def test_a_page_keeps_the_colors_that_a_scale_mixes() -> None:
+    assert charts.with_page_colours({"range": _DIVERGING}) == {"range": _DIVERGING}

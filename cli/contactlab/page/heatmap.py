@@ -67,7 +67,8 @@ _LOOK = _MapLook()
 
 _PANELS = ("baseline", "candidate", "difference")
 _LISTED: tuple[Outcome, ...] = ("failed", "warned", "noted")
-_DIVERGING = ["#1845fb", "#f4f4f4", "#ff5e02"]
+# A page replaces hexadecimal colors by variables of its style, which no scale can mix.
+_DIVERGING = ["rgb(24, 69, 251)", "rgb(244, 244, 244)", "rgb(255, 94, 2)"]
 
 
 def _clip_value(value: float, limits: tuple[float, float]) -> float:
