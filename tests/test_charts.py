@@ -14,7 +14,7 @@ import vl_convert
 
 from contactlab import charts
 from contactlab.charts import SUFFIXES, check_figure, layer_of, save_figure, vega_bundle
-from contactlab.page.heatmap import _DIVERGING
+from contactlab.page.heatmap import DIVERGING_COLORS
 
 CHART = layer_of("points", [{"x": 1, "y": 2}]).mark_point().encode(x="x:Q", y="y:Q")
 
@@ -64,4 +64,4 @@ def test_the_script_of_charts_is_bundled_once_and_only_read_from_an_own_folder(
 
 
 def test_a_page_keeps_the_colors_that_a_scale_mixes() -> None:
-    assert charts.with_page_colours({"range": _DIVERGING}) == {"range": _DIVERGING}
+    assert charts.with_page_colours({"range": DIVERGING_COLORS}) == {"range": DIVERGING_COLORS}

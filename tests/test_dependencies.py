@@ -85,6 +85,7 @@ def test_other_uses_of_a_name_are_none(tmp_path: Path, code: str) -> None:
     assert named_imports(package(tmp_path, {"low.py": code})) == []
 
 
+@pytest.mark.long
 def test_no_modules_depend_on_each_other() -> None:
     assert cycles(graph()) == []
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from contactlab.rendering.document import Sentence, Table
 from contactlab.reporting.report_columns import GridAxis
-from contactlab.reporting.store_document import _value_table
+from contactlab.reporting.store_document import tabulate_axis_values
 
 RUNS = 8
 
@@ -22,7 +22,7 @@ def test_an_axis_has_rows_exactly_if_its_values_differ(codes: list[int]) -> None
         for name, each in zip("abc", ticks, strict=True)
     ]
     labels: Any = SimpleNamespace(codes=np.array(codes), names=("stable", "chatter", "tunneling"))
-    blocks = [*_value_table(axes, labels, lambda part, whole: f"{part}/{whole}")]
+    blocks = [*tabulate_axis_values(axes, labels, lambda part, whole: f"{part}/{whole}")]
     rows = [row.cells[0] for block in blocks if isinstance(block, Table) for row in block.rows]
     said = [block.text for block in blocks if isinstance(block, Sentence)]
     for name, each in zip("abc", ticks, strict=True):

@@ -68,7 +68,7 @@ _LOOK = _MapLook()
 _PANELS = ("baseline", "candidate", "difference")
 _LISTED: tuple[Outcome, ...] = ("failed", "warned", "noted")
 # A page replaces hexadecimal colors by variables of its style, which no scale can mix.
-_DIVERGING = ["rgb(24, 69, 251)", "rgb(244, 244, 244)", "rgb(255, 94, 2)"]
+DIVERGING_COLORS = ["rgb(24, 69, 251)", "rgb(244, 244, 244)", "rgb(255, 94, 2)"]
 
 
 def _clip_value(value: float, limits: tuple[float, float]) -> float:
@@ -205,7 +205,7 @@ def ratio_map(axes: MapAxes, ratios: Floats, title: str, room: Room) -> Layered:
     sizes = np.abs(np.log(ratios[np.isfinite(ratios)]))
     reach = math.exp(sizes.max(initial=math.log(_LOOK.least_ratio)))
     colour = alt.Color("value:Q")
-    colour = colour.scale(type="log", domain=[1 / reach, reach], range=_DIVERGING, nice=False)
+    colour = colour.scale(type="log", domain=[1 / reach, reach], range=DIVERGING_COLORS, nice=False)
     return _number_layers(axes, room, ratios, colour, f"candidate / baseline, {title}")
 
 

@@ -77,7 +77,8 @@ class SweepContext(Draft):
             plain_value = list(cast("tuple[object]", value)) if isinstance(value, tuple) else value
             message = f"{plain_value!r} is not a value of '{name}'"
             # A number with the unit of another quantity, or with an unknown one.
-            other = spec.unit and magnitude is None and str(value)[:1].isdigit()
+            takes_one = bool(spec.unit) and " " not in spec.unit
+            other = takes_one and magnitude is None and str(value)[:1].isdigit()
             hint = (
                 "write a number" + f" in {spec.unit}" * (spec.unit != "1") if other else str(error)
             )

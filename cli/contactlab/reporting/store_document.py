@@ -58,7 +58,7 @@ def describe_store(store: Store) -> Document:
         header = ["run", "label", *column_titles.values(), *columns.axis_names, *headings]
         blocks.append(table_of(header, cells, droppable=len(headings)))
     elif axes and labels.failed.any():  # otherwise all values are alike, as the headline says
-        blocks += _value_table(by_importance(axes, labels), labels, share)
+        blocks += tabulate_axis_values(by_importance(axes, labels), labels, share)
 
     drives = [describe_drive(parse_drive(json.loads(word))) for word in columns.coded("drive")[1]]
     blocks.append(Sentence(f"driven by: {'; '.join(dict.fromkeys(drives))}"))
@@ -156,7 +156,9 @@ def _chosen_runs(store: Store) -> Iterator[str]:
         yield from boundary_lines(boundaries)
 
 
-def _value_table(axes: Sequence[GridAxis], labels: RunLabels, share: ShareWords) -> Iterator[Block]:
+def tabulate_axis_values(
+    axes: Sequence[GridAxis], labels: RunLabels, share: ShareWords
+) -> Iterator[Block]:
     """Yield the numbers of runs by label for each axis value, the most important axes first."""
     rows: list[tuple[object, ...]] = []
     alike: list[str] = []
@@ -167,7 +169,8 @@ def _value_table(axes: Sequence[GridAxis], labels: RunLabels, share: ShareWords)
         for code, tick in enumerate(axis.ticks):
             codes = Counter(labels.codes[axis.codes == code].tolist())
             here = Counter({labels.names[label]: count for label, count in codes.items()})
-            others = Counter({label: count for label, count in here.items() if label != "stable"})
+            # Labels with equal counts are named in the order of the alphabet.
+            others = Counter({label: here[label] for label in sorted(here) if label != "stable"})
             most = ", ".join(f"{label} {count}" for label, count in others.most_common(2))
             stable = share(here["stable"], here.total())
             rows.append((axis.title, tick, here.total(), stable, most))

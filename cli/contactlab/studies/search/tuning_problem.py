@@ -118,6 +118,8 @@ class SearchRules:
         search_passes: approximate simulations of the task per search.
         fewest_passes: below, runs are shortened: exact savings, the solver, and a few steps.
         fresh_passes: simulations of the task per seed, for references and errors on fresh seeds.
+        fresh_share: of the work of verification, for errors on fresh seeds.
+        most_fresh_seeds: a mean over them is known to a third of what seeds differ by.
         window_stride: at least one in this many windows is used if there are several seeds.
         most_window_stride: at least one in this many windows is used of one seed.
     """
@@ -135,6 +137,8 @@ class SearchRules:
     search_passes: int = 80
     fewest_passes: int = 30
     fresh_passes: int = 16
+    fresh_share: float = 0.1
+    most_fresh_seeds: int = 12
     window_stride: int = 4
     most_window_stride: int = 8
 
@@ -238,9 +242,17 @@ class TuningProblem:
 
     @cached_property
     def fresh_task(self) -> Task:
-        """The verified task with as many fresh seeds as the search has seeds."""
+        """The verified task with fresh seeds: more than the search has, if the work allows.
+
+        The best of many candidates has a small error partly by chance, which few seeds repeat.
+        """
         task = with_new_seeds(self.verified_task)
-        return task.model_copy(update={"seeds": task.seeds[: self.seeds]})
+        first, count = task.seeds[0], self.seeds
+        if self._request.error_at is None:  # the largest of all seeds grows with their number
+            work = _RULES.fresh_share * self._verification_work
+            each = _RULES.fresh_passes * self.verified_share * self.cost.pass_seconds
+            count = max(count, min(_RULES.most_fresh_seeds, int(work / each)))
+        return task.model_copy(update={"seeds": tuple(range(first, first + count))})
 
     @cached_property
     def fresh_motions(self) -> list[Motion]:
