@@ -199,7 +199,7 @@ def touch_pairs(model: mujoco.MjModel, *, listed: bool = True) -> list[tuple[int
 
 
 def _touch_rows(model: mujoco.MjModel) -> Iterator[tuple[NDArray[np.intp], NDArray[np.bool_]]]:
-    """Yield some moving geoms, and (rows, ngeom) whether they may touch each geom."""
+    # Yield some moving geoms, and (rows, ngeom) whether they may touch each geom.
     bodies = np.asarray(model.geom_bodyid)
     welds, flat = model.body_weldid[bodies], np.isin(model.geom_type, _SURFACE_TYPES)
     kinds, affinities = np.asarray(model.geom_contype), np.asarray(model.geom_conaffinity)

@@ -130,7 +130,7 @@ def check_trace(data: bytes) -> CheckedTrace:
 def _frame_stored_chunk(
     data: bytes, position: int, entry: ChunkEntry
 ) -> tuple[_Chunk, FramedChunk]:
-    """Return a chunk that begins at a position, as stored and as encoded again."""
+    # Return a chunk that begins at a position, as stored and as encoded again.
     first = position + CHUNK_HEAD.size
     last = place = first + entry.size
     starts, entries = dict[int, int](), dict[int, NDArray[np.uint64]]()
@@ -155,7 +155,7 @@ def _frame_stored_chunk(
 def _join_records(
     check: "_RecordCheck", chunks: Sequence[_Chunk]
 ) -> tuple[NDArray[np.int64], str, bytes]:
-    """Return the number of messages by channel, the hash of all states, and the record."""
+    # Return the number of messages by channel, the hash of all states, and the record.
     digest, evidence, sizes = hashlib.sha256(), list[bytes](), Counter[int]()
     messages, time, last_size = np.zeros(len(check.channels), np.int64), -1, 0
     for records in _read_chunks(check, chunks):
@@ -176,8 +176,8 @@ def _join_records(
 
 
 def _read_chunks(check: "_RecordCheck", chunks: Sequence[_Chunk]) -> Iterator[_Records]:
-    """Yield the content of chunks; a few are read ahead, so that memory stays bounded."""
-    # The thread that hashes keeps pace with about four others.
+    # A few chunks are read ahead, so that memory stays bounded. The thread that hashes keeps
+    # pace with about four others.
     cores = min(os.cpu_count() or 1, 4)
     if cores == 1 or len(chunks) < 4:  # threads take longer to start
         yield from map(check.read_chunk, chunks)
@@ -242,7 +242,7 @@ class _RecordCheck:
     def _read_in_c(
         self, check: Callable[..., int], content: NDArray[np.uint8], chunk: _Chunk
     ) -> tuple[NDArray[np.float64], Counter[int]]:
-        """Return the states, and their number by the length of their records."""
+        # Return the states, and their number by the length of their records.
         count = len(chunk.entries[STATE_CHANNEL])
         states = np.empty((count, int(self._spans[:, 1].sum()) // 8))
         while True:
@@ -284,7 +284,7 @@ class _RecordCheck:
     def _read_by_columns(
         self, content: NDArray[np.uint8], chunk: _Chunk
     ) -> tuple[NDArray[np.float64], Counter[int]]:
-        """Return the same as `_read_in_c`, without a compiler."""
+        # Return the same as `_read_in_c`, without a compiler.
         ids = np.repeat([*chunk.entries], [len(each) for each in chunk.entries.values()])
         entries = np.concatenate([*chunk.entries.values()])
         order = np.argsort(entries[:, 1], kind="stable")

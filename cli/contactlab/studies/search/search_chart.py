@@ -225,7 +225,7 @@ def _ladder_rows(report: TuneReport, points: Sequence[FrontPoint]) -> Rows:
         for each in report.candidates
         if each.error and each.cost and _name_settings(each) not in names
     ]
-    rows = [row for row in rows if not any(_contradicts(row, other) for other in own)]
+    rows = [row for row in rows if not any(_contradicts_point(row, other) for other in own)]
     rows = [row for row in rows if not any(_beats_row(other, row) for other in rows)]
     return sorted([*rows, *own], key=lambda row: (row["integrator"], row["time"]))
 
@@ -243,7 +243,7 @@ def _beats_row(row: dict[str, Any], other: dict[str, Any]) -> bool:
     )
 
 
-def _contradicts(row: dict[str, Any], point: dict[str, Any]) -> bool:
+def _contradicts_point(row: dict[str, Any], point: dict[str, Any]) -> bool:
     # A point is beaten by no candidate, and beats some of its own integrator.
     return _beats_row(row | {"integrator": point["integrator"]}, point) or _beats_row(point, row)
 

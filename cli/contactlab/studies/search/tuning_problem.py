@@ -119,7 +119,7 @@ class SearchRules:
         fewest_passes: below, runs are shortened: exact savings, the solver, and a few steps.
         fresh_passes: simulations of the task per seed, for references and errors on fresh seeds.
         fresh_share: of the work of verification, for errors on fresh seeds.
-        most_fresh_seeds: a mean over them is known to a third of what seeds differ by.
+        most_fresh_seeds: a mean over them is known to a third of the spread of seeds.
         window_stride: at least one in this many windows is used if there are several seeds.
         most_window_stride: at least one in this many windows is used of one seed.
     """
