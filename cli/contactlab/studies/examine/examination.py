@@ -330,7 +330,7 @@ def _measure_budget(
     if not examined.moves:
         return conclude(report)
     task, search, verifier = report.task, None, None
-    file = lint_file(examined.scene.source, request.model, task.start, examined.scene.drive.drive)
+    file = lint_file(examined.scene.source, request.model, task.start)
     faults = [*file.faults]
     if not any(fault.stage == "start" or fault.is_of_start for fault in faults):
         faults += find_fallen_start(examined)

@@ -6,14 +6,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from contactlab.scene.scene_source import SceneSource
-from contactlab.schema.drive import Drive, FileDrive, PolicyDrive
 from contactlab.schema.examination import Fact, Stage
 from contactlab.schema.finding import PlacedFinding
 from contactlab.schema.task import QPOS0
 from contactlab.studies.lint.linted_model import LintedModel, edited, linted_model
 from contactlab.studies.lint.linting import lint_scene
 from contactlab.studies.lint.rules import RULES
-from contactlab.studies.lint.servos import KEYFRAME_TORQUE
 from contactlab.studies.lint.starts import KEYFRAME_RANGE, largest_excess
 
 
@@ -56,11 +54,11 @@ class LintedFile:
     facts: tuple[Fact, ...]
 
 
-def lint_file(source: SceneSource, reference: str, start: str, drive: Drive = "none") -> LintedFile:
-    """Lint a model's file once, for its faults under a start and a drive, and its facts."""
+def lint_file(source: SceneSource, reference: str, start: str) -> LintedFile:
+    """Lint a model's file once, for its faults under a start, and its facts."""
     report = lint_scene(source, reference)
     found = [*report.open("error"), *report.open("warning")]
-    faults = [*_list_start_faults(source, reference, start, drive)]
+    faults = [*_list_start_faults(source, reference, start)]
     facts = [*_list_file_facts([one for one in found if not _is_limp(one)], reference)]
     for finding in found:
         rule, is_limp = RULES[finding.name], _is_limp(finding)
@@ -118,9 +116,7 @@ def write_rule_edits(
     return folder / source.model.relative_to(content.root), tuple(lines)
 
 
-def _list_start_faults(
-    source: SceneSource, reference: str, start: str, drive: Drive
-) -> Iterator[FileFault]:
+def _list_start_faults(source: SceneSource, reference: str, start: str) -> Iterator[FileFault]:
     if start == QPOS0:
         return
     with linted_model(source) as linted:
@@ -131,9 +127,7 @@ def _list_start_faults(
             # meant. A joint that a limit stops softly passes it by less than this share.
             far = 0.05
             if largest_excess(linted.model, linted.starts[start]) > far:
-                yield from _find_start_fault(linted, reference, start, KEYFRAME_RANGE, "start")
-            if not isinstance(drive, PolicyDrive | FileDrive):
-                yield from _find_start_fault(linted, reference, start, KEYFRAME_TORQUE, "file")
+                yield from _find_start_off_limits(linted, reference, start)
             return
         short = linted.short_keyframes[start]
     place = f"{_relative_to_model(str(short.place.file), reference)}:{short.place.line}"
@@ -147,12 +141,9 @@ def _list_start_faults(
     )
 
 
-def _find_start_fault(
-    linted: LintedModel, reference: str, start: str, rule: str, stage: Stage
-) -> Iterator[FileFault]:
-    # Yield the fault of a rule of keyframes, if the start has it.
-    for fault in RULES[rule].function(linted):
+def _find_start_off_limits(linted: LintedModel, reference: str, start: str) -> Iterator[FileFault]:
+    for fault in RULES[KEYFRAME_RANGE].function(linted):
         place = linted.place("key", start)
         if fault.place == place and f"'{start}'" in fault.message:
             line = f"{_relative_to_model(str(place.file), reference)}:{place.line}"
-            yield FileFault(rule, f"{fault.message} ({line})", stage)
+            yield FileFault(KEYFRAME_RANGE, f"{fault.message} ({line})", "start")

@@ -359,8 +359,7 @@ class CauseRepairer:
         # A written copy of a URDF has the faults that only its import shows, too.
         left = [fault for fault in model.faults if not repair.repairs_fault(fault)]
         task, known_rules = self.original.task, {fault.rule for fault in left}
-        drive = repair.drive or self.original.scene.drive.drive
-        linted = lint_file(changed.scene.source, written.reference, task.start, drive)
+        linted = lint_file(changed.scene.source, written.reference, task.start)
         left += [
             fault for fault in linted.faults if fault.is_certain and fault.rule not in known_rules
         ]

@@ -15,7 +15,6 @@ from contactlab.scene.model_text import mjcf_text
 from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel
 from contactlab.studies.lint.rules import rule
 
-KEYFRAME_TORQUE = "keyframe-torque"
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
 _JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
 _FIXED_GAIN = int(mujoco.mjtGain.mjGAIN_FIXED)
@@ -107,7 +106,7 @@ def _list_motors(model: mujoco.MjModel) -> Iterator[_Motor]:
             yield _Motor(actuator, joint, float(gain), float(gear))
 
 
-@rule(KEYFRAME_TORQUE, "warn")
+@rule("keyframe-torque", "warn")
 def keyframe_torque(linted: LintedModel) -> Iterator[Fault]:
     """A keyframe gives motors the positions of their joints, as a servo would take them.
 
