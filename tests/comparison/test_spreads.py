@@ -96,6 +96,17 @@ def test_noise_alone_seldom_fails() -> None:
     assert failed <= 20
 
 
+def test_few_values_may_be_missing_by_chance() -> None:
+    """Of n lost values, all lost on one side have a chance of 2 / 2^n: 5 % takes six."""
+    values = NumberColumn(np.ones(46), np.ones(46, np.bool_))
+    subject, rule = Subject("x no worse", "metrics", "gate"), EffectiveRule("lower", 1e-6, 0.01)
+    for sure, least in ((0.95, 6), (1 - 0.05 / 40, 11)):
+        for lost_count in range(47):
+            after = NumberColumn(values.values, np.arange(46) >= lost_count)
+            finding = spread_finding(subject, rule, values, after, sure)
+            assert (finding.verdict == "missing") == (lost_count >= least), lost_count
+
+
 def test_values_that_are_lost_are_worse_than_any() -> None:
     assert found_in(np.ones(12), np.full(12, np.inf)) == "failed"
     assert found_in(np.full(12, np.nan), np.ones(12)) == "noted"

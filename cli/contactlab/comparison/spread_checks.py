@@ -19,7 +19,7 @@ from contactlab.judge.subjects import BETTER, CHANGED, MISSING, SAME, WORSE, Mas
 from contactlab.judge.wording import format_change, out_of, plural
 from contactlab.rendering.amounts import format_percent
 from contactlab.schema.finding import Finding
-from contactlab.shares import SURE, median_interval, paired_difference
+from contactlab.shares import SURE, median_interval, paired_chance, paired_difference
 from contactlab.store.run_columns import NumberColumn
 
 
@@ -102,13 +102,14 @@ def spread_metric_checks(paired: PairedStores) -> Iterator[Finding]:
             before, after = (column.at(rows) for column in paired.read_numbers(metric.name))
             finding = spread_finding(subject, rule, before, after, sure)
             new, is_gone = after.valid & ~before.valid, before.valid & ~after.valid
-            has_value = before.valid | after.valid
-            if (
-                has_value.any()
-                and paired_difference(*map(int, (new.sum(), is_gone.sum(), has_value.sum())))[0] > 0
-            ):
+            if _are_more(int(new.sum()), int(is_gone.sum()), sure):
                 finding = unless_unjudged(paired, subject, finding, new, after.valid)
             yield finding
+
+
+def _are_more(some: int, others: int, sure: float) -> bool:
+    # Whether more pairs of the first kind than of the second are no chance.
+    return some > others and paired_chance(some, others) <= 1 - sure
 
 
 def spread_finding(
@@ -122,7 +123,7 @@ def spread_finding(
         int((before.valid & ~after.valid).sum()),
         int((after.valid & ~before.valid).sum()),
     )
-    if paired_difference(lost_count, new, pairs)[0] > 0:
+    if _are_more(lost_count, new, sure):
         return subject.single(
             MISSING, f"{out_of(lost_count, pairs)} without a value now", judged_count=pairs
         )
