@@ -88,7 +88,9 @@ def list_values(value: Json, place: str) -> Iterator[tuple[str, str]]:
                 yield from list_values(entry, f"{place}/{key}")
     elif isinstance(value, list):
         for number, entry in enumerate(value):
-            yield from list_values(entry, f"{place}[{number}]")
+            # Rows with a name may have the order of their times.
+            own = entry.get("name", number) if isinstance(entry, dict) else number
+            yield from list_values(entry, f"{place}[{own}]")
     else:
         # A sentence has measured ratios and speeds, such as "x0.91 (0.90 to 0.92) time".
         times = r"x[\d.]+ (\([^)]*\) )?(of the )?time|[\d.]+x real time"

@@ -350,19 +350,23 @@ def _measure_budget(
     if "fixes" in request.sections and not broken:
         repairer = _make_repairer(request, examined, report, folder, limit)
         repairer = replace(repairer, meets_fault=met.acts)
-        failed = tuple(find_failed_checks(report))
-        repaired = repairer.repair_model(report.labels, faults, failed)
+        repaired = repairer.repair_model(report.labels, faults, tuple(find_failed_checks(report)))
         repaired = _repair_design(repairer, repaired, grip, designs)
         repaired = repairer.repair_loop(repaired, study, report.loop, request.apply)
         files = repairer.list_files(repaired)
         # A replay of a loop that does not hold misleads.
-        held = report.loop is None or report.loop.holds
-        searched = held and not any(fault.stage == "file" for fault in repaired.faults)
+        searched = (report.loop is None or report.loop.holds) and not any(
+            fault.stage == "file" for fault in repaired.faults
+        )
         if searched and (not files or repaired.word not in PASSING_VERDICTS):
             verifier = _make_verifier(request, repaired.examined, repaired.labels, limit)
-            left = _limit_share(limit, _FIXING, examined)
-            search = _search_fixes(request, repaired, files, verifier, left)
+            search = _search_fixes(
+                request, repaired, files, verifier, _limit_share(limit, _FIXING, examined)
+            )
             fixes = verifier.recommend_fixes(search)
+        if searched:
+            repaired = repairer.repair_numerics(repaired, faults, names_only=bool(fixes))
+            files = repairer.list_files(repaired)
         fixes = (*repaired.fixes, *fixes)
     repaired = add_lost_loop(repaired, report.loop)
     tried = search.tried if search else ()

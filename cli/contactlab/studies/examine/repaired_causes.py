@@ -177,11 +177,20 @@ class CauseRepairer:
             model = self._part_links(model)
         known = [fault.sentence for fault in faults if fault.stage == "start"]
         model = self._move_start(model, next(iter(known), ""))
-        model = model if self.meets_fault else self._avoid_engine_fault(model)
+        return model if self.meets_fault else self._avoid_engine_fault(model)
+
+    def repair_numerics(
+        self, model: RepairedModel, faults: Sequence[FileFault], *, names_only: bool
+    ) -> RepairedModel:
+        """Return the model with lint's edits of faults of its step, as far as they help.
+
+        If other fixes are verified for the same verdict, the edits only name their causes.
+        """
+        repaired = model
         for fault in faults:
-            if fault.stage == "numerics" and not model.passes:
-                model = self._repair_by_lint(model, fault)
-        return model
+            if fault.stage == "numerics" and not repaired.passes:
+                repaired = self._repair_by_lint(repaired, fault)
+        return replace(model, causes=repaired.causes) if names_only else repaired
 
     def _avoid_engine_fault(self, model: RepairedModel) -> RepairedModel:
         if model.word == "ok":
