@@ -186,8 +186,12 @@ def touch_places(
         own = rows[places]
         codes.append(np.minimum(own, others) * model.ngeom + np.maximum(own, others))
     pairs = np.sort([model.pair_geom1, model.pair_geom2], axis=0).astype(np.intp)
-    combine = np.union1d if listed else np.setdiff1d
-    found = combine(np.concatenate(codes), pairs[0] * model.ngeom + pairs[1])
+    listed_codes = pairs[0] * model.ngeom + pairs[1]
+    sorted_codes = np.sort(np.concatenate([*codes, listed_codes]))
+    # `np.unique` loads a module, and runs call this: Ctrl-C would end them there.
+    found = sorted_codes[np.diff(sorted_codes, prepend=-1) > 0]
+    if not listed:
+        found = found[~np.isin(found, listed_codes)]
     first, second = np.divmod(found, max(model.ngeom, 1))
     return first, second
 
