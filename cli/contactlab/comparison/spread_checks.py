@@ -108,7 +108,7 @@ def spread_metric_checks(paired: PairedStores) -> Iterator[Finding]:
 
 
 def _are_more(some: int, others: int, sure: float) -> bool:
-    # Whether more pairs of the first kind than of the second are no chance.
+    # Whether chance hardly explains that more pairs are of the first kind than of the second.
     return some > others and paired_chance(some, others) <= 1 - sure
 
 

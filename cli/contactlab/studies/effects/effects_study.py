@@ -273,7 +273,7 @@ def _plan_work(motions: Sequence[Motion], max_time: float) -> tuple[list[Motion]
 
 
 def _rank_part(one: MeasuredPart, tolerance: float) -> tuple[bool, float]:
-    # Rows have the order of the time ratios that they show. Counted work chooses what is timed.
+    # Rows have the order of the time ratios that they show. Counted work chooses the timed rows.
     saving = one.cost if one.ratio is None else one.ratio.ratio
     return one.find_verdict(tolerance) in ("not exercised", "not measured"), saving
 
