@@ -2,10 +2,10 @@
 
 Run: python -m bench.commands [--rounds 9] [--tree CHECKOUT] [MODEL]
 
-MODEL is what `lint` reads, otherwise a shipped scene. CHECKOUT is the root of another commit,
-whose package must run with what is installed here. Shown are medians of CPU time, user and system,
-of each command with all processes that it starts, with least and most, and the median of the
-rounds' ratios to the other checkout.
+`lint` reads MODEL, or a shipped scene. CHECKOUT is the root of another commit. Its package must run
+with the libraries that are installed here. Each line has the median CPU time of a command and of
+all processes that it starts, user and system, with the least and the most. The ratio is the median
+over rounds, to the other checkout.
 """
 
 import argparse
@@ -33,8 +33,8 @@ def main() -> None:
     options.add_argument("--rounds", type=int, default=9)
     options.add_argument("--tree", type=Path)
     options.add_argument("model", nargs="?", default="grasp_mug")
-    asked = options.parse_args()
-    trees = [HERE, *([asked.tree] if asked.tree else [])]
+    arguments = options.parse_args()
+    trees = [HERE, *([arguments.tree] if arguments.tree else [])]
     adopt_orphans()
     with tempfile.TemporaryDirectory(prefix="contactlab-bench-") as name:
         store = str(Path(name) / "shown")
@@ -42,21 +42,21 @@ def main() -> None:
         number = 0
         for label in ("--help", "lint", "show", "sweep bounce"):
             rounds = list[list[float]]()
-            for _ in range(asked.rounds):
+            for _ in range(arguments.rounds):
                 number += 1
                 words = {
-                    "lint": ["lint", asked.model],
+                    "lint": ["lint", arguments.model],
                     "show": ["show", store],
                     "sweep bounce": ["sweep", "bounce", "-o"],
                 }.get(label, [label])
-                taken = list[float]()
+                seconds = list[float]()
                 for place, tree in enumerate(trees):
                     own = [str(Path(name) / f"{number}-{place}")] if words[-1] == "-o" else []
-                    taken.append(command_seconds(tree, [*words, *own]))
-                rounds.append(taken)
+                    seconds.append(command_seconds(tree, [*words, *own]))
+                rounds.append(seconds)
             own = sorted(each[0] for each in rounds)
             line = f"{label:14}{median(own):7.3f} s ({own[0]:.3f}..{own[-1]:.3f})"
-            if asked.tree:
+            if arguments.tree:
                 ratios = sorted(each[0] / each[1] for each in rounds)
                 line += f"  ratio {median(ratios):.2f} ({ratios[0]:.2f}..{ratios[-1]:.2f})"
             print(line, flush=True)

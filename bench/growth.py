@@ -1,12 +1,12 @@
-"""How CPU time grows in runs, steps, contacts and geoms, next to bare stepping, and a figure of it.
+"""Growth of CPU time in runs, steps, contacts and geoms, next to bare stepping, with a figure.
 
 Run: python -m bench.growth [--part 1] [--rounds 3] [--only NAME] [-o build/growth.png]
 
 Each point is a sweep of its own, without traces and checks, in one process: a whole command, less
 the command's start with one short run. Bare stepping is `mj_step(model, data, n)`, after
-compiling. Points take turns within each round. Shown are medians over the rounds, with least and
-most, and the exponent of growth between the two largest sizes: 1 is linear. `--part 10` measures a
-tenth of each size.
+compiling. Points take turns within each round. Each line has the median over the rounds, with the
+least and the most, and the exponent of growth between the two largest sizes: 1 is linear.
+`--part 10` measures a tenth of each size.
 """
 
 import argparse
@@ -67,7 +67,7 @@ SIZES: Mapping[str, tuple[Callable[[int], Point], tuple[int, ...]]] = {
     "contacts": (lambda size: Point(balls(size), 1, 100), (20, 200, 2000)),
     "geoms": (lambda size: Point(balls(1, walls=size), 1, 100), (200, 2000, 20_000)),
 }
-"""What grows: the sweep of a size, and the sizes."""
+"""Growing quantities: the sweep of a size, and the sizes."""
 
 
 def sweep_seconds(point: Point, folder: Path) -> float:
