@@ -86,6 +86,7 @@ def drive_option(text: str | None) -> Drive | None:
         # A word that begins one of the forms is not a misspelled word.
         near = "" if text in {"noise", "kp"} else did_you_mean(text or "", DRIVE_WORDS)
         advice = first["msg"].replace("Input should be '", "write '")
+        advice = advice.replace("Input should be a valid", "write a valid")
         advice = advice.replace("Input should be", "write a number")
         if first["type"] == "drive_form":
             advice = (
