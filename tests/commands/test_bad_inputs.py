@@ -148,6 +148,7 @@ OF_OPTIONS = [
     Bad("sound.xml --write /proc/a.xml", "/proc/a.xml", "choose another file with --write"),
     Bad("sound.xml --observe nobody", "'nobody'", "it has: "),
     Bad("sound.xml --drive noise=-1", "--drive noise=-1", "write a number greater than 0"),
+    Bad("sound.xml --drive kp=a,kd=1", "--drive kp=a,kd=1: kp", "kp: write a valid number"),
     Bad("explain sound.xml", "sound.xml", "examine MODEL --section contacts"),
     Bad("stability sound.xml", "sound.xml", "examine sound.xml --section labels"),
     Bad("sound.xml --section contacts --set timestep=3", "a step of 3 s", "a timestep of at most"),
