@@ -90,6 +90,7 @@ def test_no_modules_depend_on_each_other() -> None:
     assert cycles(graph()) == []
 
 
+@pytest.mark.long
 def test_no_module_imports_the_functions_of_the_whole_package() -> None:
     """They import commands, which the layers do not see."""
     assert [name for name, imported in graph().items() if "contactlab" in imported] == []

@@ -32,6 +32,7 @@ def found(folder: Path, text: str, row: str, body: str, *, held: bool = False) -
     return shown(file, Case(row, body, "qpos0", held=held, seed=0))
 
 
+@pytest.mark.long
 def test_a_coarse_step_shows_and_a_fine_one_does_not(tmp_path: Path) -> None:
     coarse = SPRING.format(step=0.04, integrator="Euler")
     fine = SPRING.format(step=0.01, integrator="RK4")

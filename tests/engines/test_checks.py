@@ -104,7 +104,7 @@ def branching_tree(seed: int, jacobian: str) -> str:
     return f"<mujoco>{option}<worldbody>{floor}{write_body(0)}</worldbody></mujoco>"
 
 
-@pytest.mark.parametrize("seed", [10, 20])
+@pytest.mark.parametrize("seed", [pytest.param(10, marks=pytest.mark.long), 20])
 @pytest.mark.parametrize("jacobian", ["auto", "dense"])
 def test_a_wrong_factor_counts_for_the_form_in_use_alone(
     tmp_path: Path, seed: int, jacobian: str

@@ -40,7 +40,7 @@ def fast(report: GripReport, name: str) -> float:
     return found.speed
 
 
-@pytest.mark.parametrize("friction", ["0.3", "0.7"])
+@pytest.mark.parametrize("friction", ["0.3", pytest.param("0.7", marks=pytest.mark.long)])
 def test_a_pull_wins_at_coulombs_limit(tmp_path: Path, friction: str) -> None:
     """Two pads that press with F hold 2 mu F: 20 N of the motors, whose slides have no friction.
 
@@ -54,7 +54,14 @@ def test_a_pull_wins_at_coulombs_limit(tmp_path: Path, friction: str) -> None:
     assert report.pull.weights == pytest.approx(report.pull.force / (0.1 * GRAVITY))
 
 
-@pytest.mark.parametrize(("impratio", "solref"), [("1", ".02 1"), ("5", ".02 1"), ("1", ".01 1")])
+@pytest.mark.parametrize(
+    ("impratio", "solref"),
+    [
+        pytest.param("1", ".02 1", marks=pytest.mark.long),
+        ("5", ".02 1"),
+        pytest.param("1", ".01 1", marks=pytest.mark.long),
+    ],
+)
 def test_creep_is_that_of_regularised_friction(tmp_path: Path, impratio: str, solref: str) -> None:
     """An elliptic contact at rest bears f = b v / R, so that it creeps at v = f R / b.
 
@@ -95,6 +102,7 @@ def test_no_step_cures_creep_and_impratio_does(tmp_path: Path) -> None:
     assert coarse.causes[0].kind == "regularized friction"
 
 
+@pytest.mark.long
 def test_a_mirrored_gripper_is_the_same(tmp_path: Path) -> None:
     """Sides, names, the sense of a slide's axis and the base's pose change nothing.
 

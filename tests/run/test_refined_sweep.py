@@ -238,7 +238,8 @@ def _until(portions: int) -> Callable[[int, int], None]:
     return progress
 
 
-@pytest.mark.parametrize("portions", [pytest.param(2, marks=pytest.mark.long), 9])
+@pytest.mark.long
+@pytest.mark.parametrize("portions", [2, 9])
 def test_stopped_anywhere_it_ends_as_if_it_were_not(
     portions: int, refined: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

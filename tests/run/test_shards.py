@@ -114,6 +114,7 @@ def test_64_shards_of_which_five_are_killed(
     assert contents(tmp_path / "merged") == contents(one.path)
 
 
+@pytest.mark.long
 def test_shards_and_what_they_merge_to_are_sound(three: list[Path], merged: Store) -> None:
     for store in (merged, *map(Store.open, three)):
         assert not find_problems(store.address)

@@ -38,6 +38,7 @@ def stopped(tmp_path_factory: pytest.TempPathFactory) -> Store:
     return contactlab.sweep({**WHOLE, "until": UNTIL}, output=folder / "store", workers=0)
 
 
+@pytest.mark.long
 def test_each_configuration_stops_when_its_share_is_known(stopped: Store) -> None:
     known = known_shares(stopped)
     assert known is not None

@@ -159,6 +159,7 @@ def test_a_model_of_the_corpus_has_one_verdict_in_every_format(case: Any, tmp_pa
         assert report.passed == all(one.outcome != "failed" for one in report.findings)
 
 
+@pytest.mark.long
 def test_energy_alone_fails_unless_it_is_waived(tmp_path: Path) -> None:
     """Its numerical error is within the tolerance, and its energy is not."""
     (case,) = (one for one in read_part(FOLDER / "open").cases if one.name == ENERGY_ALONE)

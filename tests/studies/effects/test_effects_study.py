@@ -107,7 +107,7 @@ def test_a_limit_that_holds_is_needed_and_one_out_of_reach_is_kept(shed: Effects
     [
         ('frictionloss="20"', True),
         pytest.param('stiffness="400" springlength=".5"', True, marks=pytest.mark.long),
-        ("", False),
+        pytest.param("", False, marks=pytest.mark.long),
     ],
 )
 def test_a_tendon_is_needed_where_the_row_of_all_tendons_is(

@@ -59,6 +59,7 @@ def test_little_work_shortens_verifications_and_much_does_not(tmp_path: Path) ->
         assert own.steps == pytest.approx(short.length_share * all_of_it.steps, abs=1)
 
 
+@pytest.mark.long
 def test_the_first_verification_fits_into_the_work(tmp_path: Path) -> None:
     for seconds in (20.0, 60.0):
         plan = _plan(tmp_path, seconds)
