@@ -34,6 +34,10 @@ from contactlab.scene.task import describe_excitation
 from contactlab.schema.drive import PolicyDrive, acts_too_often, describe_drive
 from contactlab.schema.store_reports import PlannedAxis, SweepForecast
 
+# A contact is pressed and released over 10 steps at the largest stable step: 2 timesteps of time
+# constant, of which an impact lasts about pi / 2 each way, and as many to settle.
+_FEWEST_STEPS = 10
+
 
 @dataclass
 class _RunSums:
@@ -47,6 +51,7 @@ class _RunSums:
     fast: int = 0
     clamped: int = 0
     late: int = 0
+    short: int = 0
     sampled: list[RunSpec] = field(default_factory=list[RunSpec])
 
 
@@ -171,6 +176,7 @@ def _sum_runs(index: RunIndex) -> _RunSums:
     for run, count in index.iterate_rows():
         steps, solref = run.steps, run.settings.get("solref")
         sums.steps += count * steps
+        sums.short += count * (steps < _FEWEST_STEPS)
         if isinstance(solref, tuple):
             used_solref = refsafe_solref(solref, run.timestep) if run.flags["refsafe"] else solref
             sums.fast += count * (
@@ -208,6 +214,11 @@ def _forecast_warnings(plan: Plan, scene: Scene, runs: int, sums: _RunSums) -> I
         yield (
             f"in {sums.clamped:,} of {runs:,} runs refsafe raises the time constant of solref to "
             "2 timesteps, so the solref of the sweep is not used"
+        )
+    if sums.short:
+        yield (
+            f"{sums.short:,} of {runs:,} runs have fewer than {_FEWEST_STEPS} steps, so labels "
+            "judge almost nothing: write the `duration` in seconds or with a unit, 300 ms"
         )
     if sums.late:
         yield (
