@@ -16,16 +16,42 @@ def nearest(end: Floats, others: Floats) -> Floats:
     return np.sqrt(((away - part * along) ** 2).sum(axis=-1).min(axis=1))
 
 
-def defects(one: Floats, other: Floats) -> Floats:
-    """Return (M, B) how far velocities are apart, up to a shift in time by one step of the run.
+def slack_share(steps: int) -> float:
+    """Return the share of a step that motions may be apart in time, in windows of `steps` steps."""
+    longest = 0.25  # of a window: 10 ms, which only steps above that are shortened to
+    return min(1.0, longest * steps)
+
+
+def within_slack(velocities: Floats, share: float) -> Floats:
+    """Return the part of (M, 2 r + 1, B, 6) velocities around the middle, a share of each side."""
+    reach = velocities.shape[1] // 2
+    if share >= 1:
+        return velocities
+    whole = int(share * reach)
+    part, middle = share * reach - whole, reach
+    inner = velocities[:, middle - whole : middle + whole + 1]
+    if not part:
+        return inner
+    ends = [
+        (1 - part) * velocities[:, middle + side * whole]
+        + part * velocities[:, middle + side * (whole + 1)]
+        for side in (-1, 1)
+    ]
+    return np.concatenate([ends[0][:, None], inner, ends[1][:, None]], axis=1)
+
+
+def defects(one: Floats, other: Floats, slack: float = 1.0) -> Floats:
+    """Return (M, B) how far velocities are apart, up to a shift in time by a share of a step.
 
     Both are (M, 2 r + 1, B, 6), from one step before the end of the window to one after, with r of
     their own, and straight in between, because the distance between the points must not count.
     The time of an event is uncertain by a step in any stepping, so each motion's end is compared
     with all of the other's. With one side alone, a body at rest agrees with any motion that passes
-    through rest.
+    through rest. A step near the length of the window would forgive all that happens in it, so
+    `slack` is the share of a step that is forgiven.
     """
     with np.errstate(invalid="ignore", over="ignore"):
+        one, other = within_slack(one, slack), within_slack(other, slack)
         ends = one[:, one.shape[1] // 2], other[:, other.shape[1] // 2]
         apart = np.maximum(nearest(ends[0], other), nearest(ends[1], one))
     return np.where(np.isnan(apart), np.inf, apart)

@@ -29,6 +29,7 @@ def error_budget(
     rows: Sequence[str] | None = None,
     settings: Settings = SETTINGS,
     workers: int | None = None,
+    original: mujoco.MjModel | None = None,
 ) -> ErrorBudget:
     """Return the budget of a task's phases.
 
@@ -37,6 +38,7 @@ def error_budget(
         rows: names of rows of the catalogue of modifications; all by default.
         settings: how it is measured.
         workers: threads; one for each processor by default. Nothing but prices depends on them.
+        original: the model of the references, if the motions are those of a changed model.
 
     Raises:
         EngineError: nothing moves that has mass, a row is unknown, or the engine refuses a batch.
@@ -49,7 +51,7 @@ def error_budget(
     settings = replace(settings, workers=workers or os.cpu_count() or 1)
     phases, runs = list[PhaseBudget](), list[Run]()
     for motion in motions:  # one after the other: each measure holds models
-        measure = PhaseMeasure(motion, chosen_rows, settings)
+        measure = PhaseMeasure(motion, chosen_rows, settings, original=original)
         phases.append(measure.budget())
         runs.append(measure.run)
     budget = ErrorBudget(tuple(phases))

@@ -16,6 +16,7 @@ from contactlab.budget.defects import (
     energy_defects,
     paths,
     settled,
+    slack_share,
     to_the_limit,
 )
 from contactlab.budget.exercised_rows import exercised_rows
@@ -50,7 +51,7 @@ from contactlab.modifications.model_predicates import (
 )
 from contactlab.modifications.modification import ModelChange, Row
 from contactlab.modifications.numerics import RUN
-from contactlab.scene.model_edits import has_step_factors
+from contactlab.scene.model_edits import has_step_factors, set_timestep
 
 WINDOW = 0.04  # s; docs/theory/error-budget.md compares others
 FINER = 4
@@ -125,19 +126,23 @@ class PhaseMeasure:
         settings: Settings,
         known_states: Floats | None = None,
         begun: "Looked | None" = None,
+        original: mujoco.MjModel | None = None,
     ) -> None:
         """Repeat the run unless `known_states` has its states.
 
-        `begun` has the measurement of its first seeds, which is not repeated.
+        `begun` has the measurement of its first seeds, which is not repeated. References are of
+        the `original` if the model of the motion is a changed one of the same layout.
         """
         self._begun = begun
         self._motion, self._settings, self._model = motion, settings, motion.model
+        self._exact_model = motion.model if original is None else _with_steps_of(original, motion)
         self._used = [row for row in rows_to_measure if row.applies(motion.model)]
         self._undelayed = without_delays(motion)
         self._bodies = judged_bodies(motion.model)
         self._names = tuple(body_name(motion.model, int(body)) for body in self._bodies)
         self._observed = self._places_of(motion.observed)
         self.run: Run = replay(motion, settings.window, settings.workers, known_states)
+        self._slack = slack_share(self.run.steps)
         self._observer = Observer(motion.model, motion.starts[0], self._bodies, settings.workers)
         self._bases, self._stores = dict[str, mujoco.MjModel](), dict[str, ConstraintEnergy]()
         self._impulses = dict[tuple[str, int, int], Impulses]()
@@ -239,7 +244,10 @@ class PhaseMeasure:
             return run_at_once(self._model)
         if name == "RK4":
             return self._make_smooth_model(1)
-        return build_reference_model(self._model, 1 if name == "step" else self._settings.finer)
+        return self._build_reference(1 if name == "step" else self._settings.finer)
+
+    def _build_reference(self, rate: int) -> mujoco.MjModel:
+        return build_reference_model(self._exact_model, rate)
 
     def _find_energy_store(self, name: str) -> ConstraintEnergy:
         """Return the calculator of stored energies for a copy of a base."""
@@ -294,7 +302,10 @@ class PhaseMeasure:
                 other, rate = around[row.against], self._find_rate(row)
                 if row.both is not None:
                     other = rolls(self._compared_model(row), rate)
-                apart = [defects(rolls(model, rate), other) for model in self._vary_model(row)]
+                apart = [
+                    defects(rolls(model, rate), other, self._slack)
+                    for model in self._vary_model(row)
+                ]
                 largest = np.max(apart, axis=0)
                 largest[lost] = 0
                 window_values.apart[row.name][tuple(block.T)] = largest
@@ -317,7 +328,9 @@ class PhaseMeasure:
         end, end_energies = self._observer(fine[:, (steps - 1) * finer :])
         last = own[:, -3:]
         window_values.lost[place] = lost
-        window_values.apart[RUN.name][place] = np.where(lost[:, None], 0, defects(last, end))
+        window_values.apart[RUN.name][place] = np.where(
+            lost[:, None], 0, defects(last, end, self._slack)
+        )
         window_values.path[place] = np.where(lost[:, None], 0, paths(path))
         window_values.gained[place] = np.where(
             lost[:, None], 0, self._measure_gained(last[:, 1], end[:, finer])
@@ -377,7 +390,7 @@ class PhaseMeasure:
         )
 
     def _make_smooth_model(self, rate: int) -> mujoco.MjModel:
-        smooth = build_reference_model(self._model, rate)
+        smooth = self._build_reference(rate)
         smooth.opt.integrator = _RK4
         return smooth
 
@@ -429,9 +442,9 @@ class PhaseMeasure:
         windows = Windows(self._undelayed, self.run, settings.workers, look.block)
         if settings.check:
             rate = 2 * settings.finer
-            finest = self._measure_around(windows, build_reference_model(self._model, rate), rate)
-            window_values.checked[place] = defects(look.reference, finest)
-            window_values.finer[place] = defects(look.run, finest)
+            finest = self._measure_around(windows, self._build_reference(rate), rate)
+            window_values.checked[place] = defects(look.reference, finest, self._slack)
+            window_values.finer[place] = defects(look.run, finest, self._slack)
         if settings.excess:
             own, lost = self._observer(windows.own[:, :-1])[0], window_values.lost[place][:, None]
             window_values.excess[place] = np.where(lost, 0, paths(own) - window_values.path[place])
@@ -616,6 +629,14 @@ class PhaseMeasure:
     def _find_checked(self, window_values: "_WindowValues") -> np.ndarray:
         """Return (S, W) whether a window was gone through by both references."""
         return ~np.isnan(window_values.checked[..., 0]) & ~window_values.lost
+
+
+def _with_steps_of(original: mujoco.MjModel, motion: Motion) -> mujoco.MjModel:
+    """Return the original with the timestep and the integrator of a changed model's motion."""
+    model = without_sensors(original)
+    model.opt.integrator = motion.model.opt.integrator
+    set_timestep(model, float(motion.model.opt.timestep))
+    return model
 
 
 class _SharedRolls:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from contactlab.budget.defects import defects, paths
+from contactlab.budget.defects import defects, paths, slack_share
 from contactlab.budget.measuring import Settings
 from contactlab.budget.motion import GRAVITY_AS_REAL, Motion, without_delays
 from contactlab.budget.restarts import (
@@ -75,7 +75,8 @@ def distances_to_reference(
         np.add.at(real, block[:, 0], path + speed)
         for number, (model, rate) in enumerate(models):
             states, failed = windows.roll(model, rate)
-            own = defects(observer(states)[0], velocities[:, (run.steps - 1) * finest :])
+            around = velocities[:, (run.steps - 1) * finest :]
+            own = defects(observer(states)[0], around, slack_share(run.steps))
             own[failed] = np.inf
             np.add.at(apart[number], block[:, 0], np.where(lost[:, None], 0, own))
     if not run.valid.any():

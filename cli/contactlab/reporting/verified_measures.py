@@ -8,7 +8,8 @@ from contactlab.rendering.amounts import format_digits
 from contactlab.schema.verification import VerifiedMeasure
 
 _SCALES = {"m": (1e3, "mm"), "rad": (180 / math.pi, "deg"), "m/s": (1e3, "mm/s"), "1": (1.0, "")}
-_SHARES = {"numerical error", "energy gain", "energy error", "grip depth"}
+ERROR = "numerical error"
+_SHARES = {ERROR, "energy gain", "energy error", "grip depth"}
 
 
 class MeasureRow(NamedTuple):
@@ -51,4 +52,8 @@ def describe_measure(measure: VerifiedMeasure) -> str:
     """Return a measure before and after, such as "creep 0 -> 0.99 mm/s (tilted; box)"."""
     row = _measure_row(measure)
     where = "; ".join(filter(None, (row.run, row.place)))
+    if measure.name == ERROR and measure.before and measure.after is not None:
+        # Both are measured from the states of one motion, so that their ratio is that of errors.
+        ratio = format_digits(measure.after / measure.before)
+        return f"{row.name} {ratio} times as large ({where})"
     return f"{row.name} {row.before} -> {row.after}{' ' * bool(row.unit)}{row.unit} ({where})"

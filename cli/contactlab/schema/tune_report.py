@@ -52,7 +52,10 @@ class Candidate(Model):
     removes_unused: bool = about("Without anything that changes no state: see the report.")
     removes_far_pairs: bool = about("Without collisions of far pairs: see the report.")
     simplifies_hulls: bool = about("With fewer vertices of hulls: see the report.")
-    error: FiniteOrNull = about("Error of the worst body, mean over seeds; null if MuJoCo gave up.")
+    error: FiniteOrNull = about(
+        "Error of the worst body, mean over seeds; null if MuJoCo gave up. Of points of the front "
+        "it is the numerical error; of others it is estimated from states of the reference."
+    )
     low: FiniteOrNull = about("Least error of any seed.")
     high: FiniteOrNull = about("Largest error of any seed.")
     body: str = about("The worst body.")
@@ -77,10 +80,13 @@ class Verification(Model):
     meets_target: bool = about(
         "Whether it also meets the target, if the recommended candidate need not."
     )
-    error: FiniteOrNull = about("Error as in the search; null if MuJoCo gave up.")
+    error: FiniteOrNull = about("Forward error on these seeds, if one is requested.")
     current_error: FiniteOrNull = about("The same error of the model as written.")
     verdict: str = about("The verdict of `contactlab MODEL` on its numerics.")
-    numerical_error: FiniteOrNull = about("Its numerical error as `contactlab MODEL` measures it.")
+    numerical_error: FiniteOrNull = about(
+        "Its numerical error as `contactlab MODEL` measures it, on the seeds of the task; null if "
+        "it was rejected before."
+    )
     labels: tuple[str, ...] = about("Labels of its runs that the model as written does not have.")
     sentence: str = about("Why it does not hold, or that it does.")
     panel: VerifiedChange | None = about(
@@ -93,11 +99,9 @@ class Verification(Model):
 class CurrentVerdict(Model):
     """The verdict of `contactlab MODEL` on the numerics of the model as written."""
 
-    seeds: tuple[int, ...] = about("Seeds of the task: all, or as many as the time limit allowed.")
+    seeds: tuple[int, ...] = about("Seeds of the task.")
     verdict: str
-    numerical_error: FiniteOrNull = about(
-        "Its numerical error along its own motion. The search measures errors along the reference."
-    )
+    numerical_error: FiniteOrNull = about("Its numerical error, mean over these seeds.")
 
 
 class ChangedSetting(Model):
@@ -138,16 +142,14 @@ class FrontPoint(Model):
     number: int = about("From the most accurate on, as in `--pick`.")
     name: str = about("Integrator and timestep, with a setting if another point has the same.")
     marks: tuple[str, ...] = about("as written, recommended, equal error, or none.")
-    candidate: Candidate = about("As the search measured it.")
+    candidate: Candidate
     error: FiniteOrNull = about(
-        "Error in the worst body on seeds that the search did not use: the mean, or the largest "
-        "forward error. Null if MuJoCo gave up. Without time, it is the error of the search."
+        "Numerical error as `contactlab MODEL` measures it, mean over seeds of the task, or the "
+        "largest forward error on seeds that the search did not use. Null if MuJoCo gave up."
     )
-    error_low: FiniteOrNull = about(
-        "Lower end of the 95 % interval of the error; null if it is that of one seed."
-    )
-    error_high: FiniteOrNull = about("Its upper end.")
-    error_seeds: int = about("Number of these seeds; more are run if they differ.")
+    error_low: FiniteOrNull = about("Least error of a seed; null if there is one seed.")
+    error_high: FiniteOrNull = about("Largest error of a seed.")
+    error_seeds: int = about("Number of seeds: all of the task, or as many as the work allows.")
     real_time: float = about("Simulated over CPU time, on one core of this machine.")
     state: PointState = about(
         "Only a point that was written and passed is verified. failed: it was written, and a "
@@ -195,7 +197,7 @@ class SimplifiedHulls(Model):
 class TuneReport(ReportModel):
     """From a model to recommended settings (`tune.json`). Units are SI."""
 
-    tune_version: Literal[5] = 5
+    tune_version: Literal[6] = 6
     model: str = about("As given.")
     scene_hash: str
     mujoco: str
@@ -204,9 +206,7 @@ class TuneReport(ReportModel):
     sentence: str = about("The result in a sentence.")
     target_met: bool = about("Whether the target is met, as written or as recommended.")
     current: Candidate = about("The model as written.")
-    current_verdict: CurrentVerdict | None = about(
-        "The verdict on the model as written; null if the time limit left none for it."
-    )
+    current_verdict: CurrentVerdict | None = about("The verdict on the model as written.")
     recommended: Candidate | None = about(
         "The fastest that meets the target and makes no measure worse; null if no change is "
         "recommended."

@@ -79,7 +79,7 @@ class CheckedModel:
         settings: how its budget is measured.
         rows: of its budget, by name; all if None.
         threads: that measure it.
-        seconds: counted time within which its budget has rows that judge nothing [s].
+        seconds: counted time of its budget [s]: rows that judge nothing have to be within it.
     """
 
     reference: str
@@ -201,9 +201,15 @@ class CheckedModel:
     @cached_property
     def _budget_plan(self) -> tuple[Sequence[str], Settings]:
         # The rows that its budget has, and how it is measured.
-        if self.rows is not None:
+        if self.rows is not None and math.isinf(self.seconds):
             return self.rows, self.settings
-        return plan_budget(self.motions, self.settings, self.seconds)
+        rows, settings = plan_budget(self.motions, self.settings, self.seconds)
+        return (rows if self.rows is None else self.rows), settings
+
+    @property
+    def budget_settings(self) -> Settings:
+        """How its budget is measured, in the time that it may take."""
+        return self._budget_plan[1]
 
     @property
     def unmeasured(self) -> tuple[str, ...]:

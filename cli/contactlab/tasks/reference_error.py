@@ -1,19 +1,19 @@
-"""Errors of changed models against the reference: the model as written at a fine timestep.
+"""Errors of changed models from the states of one reference: the model as written at a fine step.
 
 Every candidate starts in each window from the state of the reference. So all candidates are
-compared from the same states, whatever their timesteps, and chaos does not matter.
+compared from the same states, whatever their timesteps, and chaos does not matter. These errors
+rank candidates; the numerical error that is printed is that of the error budget.
 """
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from statistics import fmean, stdev
 
 import mujoco
 import numpy as np
 
-from contactlab.budget import Motion
+from contactlab.budget import ErrorBudget, Motion, PhaseBudget, Reading
 from contactlab.budget.defects import defects, paths
 from contactlab.budget.measuring import WINDOW
 from contactlab.budget.motion import GRAVITY_AS_REAL, pulls, without_delays
@@ -31,9 +31,8 @@ from contactlab.budget.windows import Observer, Run, body_name, judged_bodies, r
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.modifications.model_predicates import is_disabled
-from contactlab.numerical_tolerance import COARSE_ROUNDING, SUM_ROUNDING
+from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.model_edits import set_timestep, write_option
-from contactlab.shares import SURE
 
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 SLACK_SHARE = 0.05
@@ -62,31 +61,34 @@ class ErrorEstimate:
     high: float
     shares: tuple[float, ...] = ()
 
-    @property
-    def relative_spread(self) -> float:
-        """Standard deviation over seeds, as a share of the mean; 0 if it is not known."""
-        mean = fmean(self.shares) if self.shares else 0.0
-        return stdev(self.shares) / mean if len(self.shares) > 1 and 0 < mean < math.inf else 0.0
+    @classmethod
+    def of_reading(cls, phase: PhaseBudget, reading: Reading) -> "ErrorEstimate":
+        """Return the estimate of a row of an error budget."""
+        seeds = tuple(map(float, reading.seeds))
+        ends = (min(seeds), max(seeds)) if seeds else (reading.error, reading.error)
+        body = phase.bodies[reading.body]
+        return cls(reading.error, body, phase.name, reading.time, *ends, seeds)
 
-    def mean_interval(self) -> tuple[float, float]:
-        """Return an interval that holds the mean over many seeds.
+    @classmethod
+    def of_budget(cls, budget: ErrorBudget) -> "ErrorEstimate":
+        """Return the numerical error of a budget, in its worst phase."""
+        worst = max(budget.phases, key=lambda phase: phase.run.error)
+        return cls.of_reading(worst, worst.run)
 
-        A few seeds with large errors, such as those that meet a stop, make the mean of many seeds
-        larger than most means of few. Johnson's correction for skewness moves that end. Without
-        seeds, or if the error is not their mean, it is the range over seeds.
-        """
-        from scipy.special import stdtrit  # noqa: PLC0415 - it takes a while to load
+    def widened_by(self, other: "ErrorEstimate") -> "ErrorEstimate":
+        """Return the estimate with a range that includes the error on other seeds."""
+        low, high = min(self.low, other.low), max(self.high, other.high)
+        return replace(self, low=low, high=high)
 
-        count, mean = len(self.shares), fmean(self.shares or [self.error])
-        is_mean = self.error <= mean * (1 + SUM_ROUNDING)
-        if count < 2 or not math.isfinite(self.error) or not is_mean:
-            return self.low, self.high
-        spread, wide = stdev(self.shares), float(stdtrit(count - 1, (1 + SURE) / 2))
-        half = wide * spread / math.sqrt(count)
-        cubes = sum((share - mean) ** 3 for share in self.shares)
-        cubes *= count / max(1.0, (count - 1) * (count - 2))
-        skew = (1 + 2 * wide**2) * cubes / (6 * count * spread**2) if spread else 0.0
-        return max(0.0, mean - half + min(0.0, skew)), mean + half + max(0.0, skew)
+    def scaled(self, factor: float) -> "ErrorEstimate":
+        """Return the estimate in another unit."""
+        return replace(
+            self,
+            error=factor * self.error,
+            low=factor * self.low,
+            high=factor * self.high,
+            shares=tuple(factor * share for share in self.shares),
+        )
 
 
 class PhaseReference:
@@ -366,13 +368,7 @@ class TaskReference:
         fine = self.phases[0].reference_model
         if multiple > 1 and _RK4 not in (model.opt.integrator, fine.opt.integrator):
             rest = multiple / (multiple - 1)
-        return replace(
-            worst,
-            error=worst.error * rest,
-            low=worst.low * rest,
-            high=worst.high * rest,
-            shares=tuple(rest * share for share in worst.shares),
-        )
+        return worst.scaled(rest)
 
     def uncorrected_error(self, model: mujoco.MjModel, multiple: int) -> ErrorEstimate:
         """Return the same without the correction for the step of the reference."""

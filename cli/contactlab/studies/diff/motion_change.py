@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from contactlab.budget import Motion
-from contactlab.budget.defects import defects, paths
+from contactlab.budget.defects import defects, paths, slack_share
 from contactlab.budget.measuring import WINDOW
 from contactlab.budget.motion import GRAVITY_AS_REAL, INTEGRATION
 from contactlab.budget.restarts import scale_of_impulses, whole_windows
@@ -109,7 +109,8 @@ def _phase_impulses(
     real = (paths(path[:, :-1]) + weight).sum(axis=0)
     if windows[0] == 0:
         real += np.linalg.norm(path[0, 0], axis=-1)
-    return defects(path[:, -3:], velocities).sum(axis=0), real
+    apart = defects(path[:, -3:], velocities, slack_share(run.steps))
+    return apart.sum(axis=0), real
 
 
 def _follow_windows(

@@ -40,7 +40,7 @@ def describe_effects(report: EffectsReport, *, folder: Path | None = None) -> Do
     blocks: list[Block] = [Sentence(report.task.line), Sentence(how), Headline(report.sentence)]
     rows = [_describe_row(each) for each in shown_parts]
     if report.noise_floor:
-        rows.append(("noise floor", "", "", "", _format_ratio(report.noise_floor)))
+        rows.append(("noise floor", "", "", "", f"x{report.noise_floor.ratio:.2f}"))
     if rows:
         blocks.append(table_of(_HEADS, rows))
     blocks += map(Sentence, _list_sentences(report, shown_parts))
@@ -71,6 +71,8 @@ def _shorten_name(text: str, width: int) -> str:
 
 
 def _format_ratio(ratio: TimeRatio) -> str:
+    if ratio.low <= 1 <= ratio.high:
+        return "same"  # the difference is noise
     return f"x{ratio.ratio:.2f}"
 
 

@@ -275,6 +275,8 @@ def _plan_work(motions: Sequence[Motion], max_time: float) -> tuple[list[Motion]
 def _rank_part(one: MeasuredPart, tolerance: float) -> tuple[bool, float]:
     # Rows have the order of the time ratios that they show. Counted work chooses the timed rows.
     saving = one.cost if one.ratio is None else one.ratio.ratio
+    if one.ratio is not None and one.ratio.low <= 1 <= one.ratio.high:
+        saving = 1.0  # the difference is noise
     return one.find_verdict(tolerance) in ("not exercised", "not measured"), saving
 
 

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
-import numpy as np
 
 from contactlab.budget import Motion, Settings, error_budget
 from contactlab.budget.restarts import build_reference_model
@@ -54,9 +53,7 @@ class PartErrors:
         if not rows:
             return ErrorEstimate(0.0, "", "", 0.0, 0.0, 0.0)
         row, phase = max(rows, key=lambda pair: pair[0].error)
-        seeds = row.seeds
-        low, high = float(np.min(seeds)), float(np.max(seeds))
-        return ErrorEstimate(row.error, phase.bodies[row.body], phase.name, row.time, low, high)
+        return ErrorEstimate.of_reading(phase, row)
 
 
 @dataclass

@@ -109,7 +109,7 @@ class SmallerSearch:
             sentence += self._describe_shortening() if passed else ""
             if passed:
                 time_ratio = self._time_whole_runs(smaller_model)
-                if time_ratio.ratio > 1 - LEAST_SAVING:
+                if not time_ratio.is_less(by=LEAST_SAVING):
                     self._discard_files(written_model)
                     return None
                 return SmallerModel(

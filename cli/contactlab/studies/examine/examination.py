@@ -3,11 +3,10 @@
 Each part of the report is a section that may be requested alone, with the same numbers.
 """
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple, get_args
+from typing import get_args
 
 from contactlab.budget import (
     Motion,
@@ -15,8 +14,7 @@ from contactlab.budget import (
     Trial,
     budget_report,
 )
-from contactlab.budget.counted_time import WorkLimit, count_pace
-from contactlab.budget.measuring import steps_of
+from contactlab.budget.counted_time import WorkLimit
 from contactlab.closed_loop.loop_margins import LoopStudy
 from contactlab.errors import SweepFileError
 from contactlab.judge.waivers import unused_waivers
@@ -46,10 +44,17 @@ from contactlab.studies.check.own_runs import describe_reference
 from contactlab.studies.examine.conclusion import conclude, find_failed_checks
 from contactlab.studies.examine.contact_values import measure_contacts, split_values
 from contactlab.studies.examine.design_causes import find_lost_grip, find_sagging_servo
-from contactlab.studies.examine.engine_faults import MetFaults, find_met_faults
+from contactlab.studies.examine.engine_faults import MetFaults
 from contactlab.studies.examine.facts import facts, list_inertia_facts
 from contactlab.studies.examine.field_passages import judge_fields
 from contactlab.studies.examine.fixes import FixSearch, RepairedFiles, TaskRepeats
+from contactlab.studies.examine.judged_model import (
+    BUDGETING,
+    MAX_CPU,
+    JudgedModel,
+    list_begins,
+    settle_task,
+)
 from contactlab.studies.examine.linted_file import lint_file
 from contactlab.studies.examine.policy_loop import (
     list_loop_facts,
@@ -91,11 +96,8 @@ _NOT_JUDGED = {"contacts", "servos", "loop"}
 """Sections that need no verdict of the task."""
 _OF_RUNS = {"labels", "checks", "contacts"}
 SETTINGS = Settings(measures_time=True)
-MAX_CPU = 60.0
-"""CPU within which an examination ends, its page included [s]."""
-# Shares of it, after which no more rows that are not judged, no more fixes, and no more runs that
-# verify a fix are begun.
-_BUDGETING, _FIXING, _VERIFYING = 0.4, 0.7, 0.9
+# Shares of its time, after which no more fixes, and no more runs that verify a fix are begun.
+_FIXING, _VERIFYING = 0.7, 0.9
 _CHANGED = "changed"  # store of runs with a fix
 
 
@@ -168,8 +170,8 @@ def run(request: ExamineRequest, session: Session) -> Examination:
         raise SweepFileError(
             f"--set {next(iter(values))}=... needs --section contacts, which finds its solref"
         )
-    request, examined, met, left_out = _open_examined(request, session)
-    task = examined.task
+    examined, options, met, left_out = _open_examined(request, session)
+    request, task = replace(request, task=options), examined.task
     session.claim(RESULTS, request.model)
     session.notify(f"examining {request.model}")
     report = Examination(
@@ -198,45 +200,23 @@ def run(request: ExamineRequest, session: Session) -> Examination:
         return _measure_budget(request, report, examined, limit, (Path(folder), study, met))
 
 
-class _OpenedModel(NamedTuple):
-    """A model under examination.
-
-    Attributes:
-        request: with the task that there is time for.
-        examined: the model.
-        met: known faults of the engine.
-        left_out: parts of the task that there is no time for.
-    """
-
-    request: ExamineRequest
-    examined: CheckedModel
-    met: MetFaults
-    left_out: tuple[str, ...]
-
-
-def _open_examined(request: ExamineRequest, session: Session) -> _OpenedModel:
+def _open_examined(request: ExamineRequest, session: Session) -> JudgedModel:
     wanted = {*request.sections}
-    examined, task = _open_task(request, session), request.task
+    examined = _open_task(request, session)
     if request.write is not None:
         refuse_place(examined.scene.source, request.write.parent, request.write.name)
     if wanted & _OF_MOTIONS and not examined.moves:
         # It says why there are none, before anything is run.
         examined.motions_of(examined.task)
     if wanted <= _NOT_JUDGED or not examined.moves:
-        return _OpenedModel(request, examined, MetFaults(), ())
-    task, left_out = _shorten_heavy_task(request, examined)
-    if left_out:
-        request = replace(request, task=task)
-        examined = _open_task(request, session)
-    met = MetFaults()
-    if wanted & {"facts", "fixes"}:
-        times = _list_begins(examined)
-        met = find_met_faults(examined.motions, times, examined.scene.source)
-    if met.acts and "fixes" in wanted:
-        # The model is judged by its forces without the fault.
-        examined.rows, examined.settings = (), replace(SETTINGS, check=False, energy=False)
-    examined.add_seeds()
-    return _OpenedModel(request, examined, met, left_out)
+        return JudgedModel(examined, request.task)
+    return settle_task(
+        examined,
+        lambda task: _open_task(replace(request, task=task), session),
+        max_cpu=request.max_cpu,
+        finds_faults=bool(wanted & {"facts", "fixes"}),
+        avoids_faults="fixes" in wanted,
+    )
 
 
 def _open_task(request: ExamineRequest, session: Session) -> CheckedModel:
@@ -246,34 +226,8 @@ def _open_task(request: ExamineRequest, session: Session) -> CheckedModel:
         request.task,
         request.assign,
         rows=None if {*request.sections} & {"budget", "fixes"} else (),
-        seconds=_BUDGETING * request.max_cpu,
+        seconds=BUDGETING * request.max_cpu,
     )
-
-
-def _shorten_heavy_task(
-    request: ExamineRequest, examined: CheckedModel
-) -> tuple[TaskOptions, tuple[str, ...]]:
-    # Return a task that there is counted time for, and the parts of the whole one that it lacks:
-    # first seeds, then time. A requested number of seeds or duration is kept.
-    task, whole, left_out = request.task, examined.task, list[str]()
-    passes = 30  # over the task: its runs, checks, facts, and the shortest budget
-    motions, most = examined.motions, request.max_cpu / passes
-    counted = steps_of(motions) * count_pace(motions)
-    if counted < most:
-        return task, ()
-    share = most / counted
-    if task.seeds is None and share < 1:
-        seeds = max(1, int(share * len(whole.seeds)))
-        share *= len(whole.seeds) / seeds
-        task = replace(task, seeds=seeds)
-        left_out.append(f"{len(whole.seeds) - seeds} more seeds")
-    if task.duration is None and share < 1:
-        seconds = share * whole.duration
-        digits = 1 - math.floor(math.log10(seconds))
-        seconds = math.floor(seconds * 10**digits) / 10**digits  # two digits, rounded down
-        task = replace(task, duration=seconds)
-        left_out.append(f"more than {seconds:g} s of {whole.duration:g} s")
-    return task, tuple(left_out)
 
 
 def _measure_rest(
@@ -338,7 +292,7 @@ def _measure_budget(
     repaired = RepairedModel(examined, report.labels, tuple(list_file_causes(faults)))
     broken = next((fault.fix for fault in file.faults if fault.is_of_start), "")
     fixes, files = tuple[Fix, ...](), None
-    times = _list_begins(examined)
+    times = list_begins(examined)
     if not broken:
         causes, broken = judge_fields(examined.motions, times, failing=not repaired.passes)
         repaired = replace(repaired, causes=(*repaired.causes, *causes))
@@ -428,11 +382,6 @@ def _repair_design(
         else:
             repaired = replace(repaired, causes=(*repaired.causes, cause))
     return repaired
-
-
-def _list_begins(examined: CheckedModel) -> list[float]:
-    begins = {phase.name: phase.begin for phase in examined.task.phases}
-    return [begins.get(motion.name, 0.0) for motion in examined.motions]
 
 
 def _list_design_causes(examined: CheckedModel, grip: GripReport | None) -> Iterator[Cause]:

@@ -1,8 +1,10 @@
 """Sentences of a tune report."""
 
+import math
 from collections.abc import Iterator
 
 from contactlab.rendering.amounts import format_percent
+from contactlab.reporting.budget_document import judged_share_text
 from contactlab.schema.tune_report import Candidate, TuneReport
 from contactlab.studies.search.configuration import format_settings
 from contactlab.studies.search.settings_search import EQUAL_ERROR_RATIO
@@ -13,18 +15,15 @@ _NOT_VERIFIED = "No time was left to verify"
 _MORE_TIME = "Allow more with --max-time."
 
 
-def error_text(error: float | None, unit: str) -> str:
-    """Return an error with its unit; a share in percent."""
+def error_text(error: float | None, unit: str, tolerance: float = math.inf) -> str:
+    """Return an error with its unit; a share in percent, with digits above a tolerance."""
     if error is None:
         return "unknown"
-    return format_percent(error) if unit == "1" else f"{error:.2e} {unit}"
+    return judged_share_text(error, tolerance) if unit == "1" else f"{error:.2e} {unit}"
 
 
 def find_error(report: TuneReport, mark: str = "as written") -> float | None:
-    """Return the error of a marked point, as the table of the front has it.
-
-    The search itself measures candidates on few seeds; only the table's numbers are printed.
-    """
+    """Return the error of a marked point, as the table of the front has it."""
     for point in report.front:
         if mark in point.marks:
             return point.error
@@ -61,17 +60,17 @@ def no_speedup_text(report: TuneReport) -> str:
     ]
     if longer:
         next_one = min(longer, key=lambda one: (one.timestep, one.error))
-        error = error_text(next_one.error, report.target.unit)
-        parts.append(f"the next longer timestep, {next_one.timestep:g} s, has an error of {error}")
+        parts.append(f"the next longer timestep, {next_one.timestep:g} s, is less accurate")
     return f"work at the same timestep: {', '.join(parts)}"
 
 
 def sentence_of(report: TuneReport) -> str:
     """Return the result in a few sentences."""
     best, verified, target = report.recommended, report.verified, report.target
-    current, options = error_text(find_error(report), target.unit), list(_extra_options(report))
+    current = error_text(find_error(report), target.unit, target.tolerance)
+    options = list(_extra_options(report))
     if best and best.time_ratio and verified:
-        own = error_text(find_error(report, "recommended"), target.unit)
+        own = error_text(find_error(report, "recommended"), target.unit, target.tolerance)
         change = f"error {own}, as before" if own == current else f"error {own}, not {current}"
         change = "the same motion" if best.exact else change
         head = f"Recommended: {best.time_ratio.text} time, {change}."
@@ -89,7 +88,7 @@ def sentence_of(report: TuneReport) -> str:
 def no_recommendation_text(report: TuneReport, *, has_options: bool) -> str:
     """Say that no change is recommended, and why."""
     unit = report.target.unit
-    current = error_text(find_error(report), unit)
+    current = error_text(find_error(report), unit, report.target.tolerance)
     above = _is_above_tolerance(report) and report.target.real_time is None
     error = f"{'Numerical error' if unit == '1' else 'Forward error'} is {current}"
     if above:
@@ -99,7 +98,7 @@ def no_recommendation_text(report: TuneReport, *, has_options: bool) -> str:
         settings = settings_text(likely, report.current)
         return (
             f"{error}. {_NOT_VERIFIED} a candidate that may be {goal}: {settings}, x"
-            f"{likely.cost:.2g} work, error {error_text(likely.error, unit)}."
+            f"{likely.cost:.2g} work."
         )
     tested = _tested_text(report)
     if above:
@@ -148,7 +147,7 @@ def _extra_options(report: TuneReport) -> Iterator[str]:
         yield f"Equally accurate as written, with the same verdict: {ratio} time."
     if closest := report.closest:
         which = f"{settings_text(closest, report.current)}, error "
-        which += error_text(closest.error, target.unit)
+        which += error_text(closest.error, target.unit, target.tolerance)
         which += "" if closest.cost is None else f" at x{closest.cost:.2g} work"
         tested = _tested_text(report)
         goal = f"the target of {limit}"

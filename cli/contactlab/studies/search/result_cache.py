@@ -8,6 +8,7 @@ from pydantic import ValidationError
 from contactlab.modifications.modification import ReductionName
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.tune_report import REPORT, TuneReport
+from contactlab.studies.examine.judged_model import judge_as_examined
 from contactlab.studies.search.tune_request import TuneRequest, refuse_contradictions
 from contactlab.tasks.checked_model import open_model
 from contactlab.tasks.session import Session
@@ -29,9 +30,11 @@ def find_cached_report(request: TuneRequest, session: Session) -> TuneReport | N
         return None
     session = replace(session, folder=session.folder.resolve())
     examined = open_model(request.model, session, request.task)
-    own = report.scene_hash, report.mujoco, report.task
-    is_same = own == (examined.scene.hash, VERSION, examined.task)
-    return report if is_same and _is_same_question(request, report) else None
+    if (report.scene_hash, report.mujoco) != (examined.scene.hash, VERSION):
+        return None
+    if not _is_same_question(request, report):
+        return None
+    return report if report.task == judge_as_examined(examined).task else None
 
 
 def _read_report(place: Path) -> TuneReport | None:

@@ -182,11 +182,10 @@ def _error_title(report: TuneReport) -> str:
 
 
 def _write_subtitle(report: TuneReport) -> str:
-    step = format_amount(report.reference_step, "ms")
     if report.target.unit != "1":
         return f"error at the {report.target.error_at} of {', '.join(report.target.observed)}"
     real_time = format_amount(report.real_time, digits=2)
-    return f"against {report.reference_integrator} at {step}; as written {real_time}x real time"
+    return f"mean and range over seeds; as written {real_time}x real time"
 
 
 def _integrator_of(candidate: Candidate, report: TuneReport) -> str:

@@ -49,9 +49,5 @@ class SleepAwareError:
         ]
         settings = Settings(places=False, excess=False, workers=self.workers)
         budget = error_budget(runs, rows=(), settings=settings)
-        phase = max(budget.phases, key=lambda phase: phase.run.error)
-        run = phase.run
-        if run.error <= awake_error.error:
-            return awake_error
-        seeds, body = tuple(map(float, run.seeds)), phase.bodies[run.body]
-        return ErrorEstimate(run.error, body, phase.name, run.time, min(seeds), max(seeds), seeds)
+        asleep = ErrorEstimate.of_budget(budget)
+        return awake_error if asleep.error <= awake_error.error else asleep

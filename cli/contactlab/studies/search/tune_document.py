@@ -20,6 +20,7 @@ from contactlab.rendering.document import (
     Table,
     document_of,
 )
+from contactlab.reporting.budget_document import seeds_text
 from contactlab.schema.time_ratio import LEAST_SAVING
 from contactlab.schema.tune_report import (
     PATCH,
@@ -48,7 +49,7 @@ def describe_tuning(report: TuneReport, *, folder: Path | None = None) -> Docume
     heads = (
         Column("point", breakable=True),
         Column("error", "right"),
-        Column("interval", "right"),
+        Column("over seeds", "right"),
         Column("time", "right"),
         Column("speed", "right"),
     )
@@ -68,14 +69,11 @@ def _list_facts(report: TuneReport) -> Iterator[tuple[str, str]]:
     target = report.target
     yield "target", _target_text(report)
     if target.unit == "1":
-        step = f"{report.reference_step:g} s"
-        what = "residual force as a share of the real forces"
-        fine = f"{report.reference_integrator} at a timestep of {step}"
         yield (
             "errors",
             (
-                f"{what}, against the model as written with {fine}, mean over seeds; `contactlab "
-                "MODEL` measures along the run of the model itself, and prints another number"
+                "residual force as a share of the real forces, in the worst body and phase, mean "
+                f"over {plural(len(report.task.seeds), 'seed')}, as in `contactlab MODEL`"
             ),
         )
     if target.divergence:
@@ -145,7 +143,7 @@ def _target_text(report: TuneReport) -> str:
     limit = error_text(target.limit, target.unit)
     match target.kind:
         case "as written":
-            own = error_text(find_error(report), target.unit)
+            own = error_text(find_error(report), target.unit, target.tolerance)
             text = f"no less accurate than the model as written, {own} in the table"
             if target.chance:
                 text += (
@@ -173,12 +171,12 @@ def _front_row(point: FrontPoint, report: TuneReport) -> Row:
     errors = f"{low.removesuffix(f' {unit}')} to {high}"
     if point.error_seeds == 1:
         errors = "1 seed"
-    elif unit == "1":
-        errors = format_interval(point.error_low, point.error_high).replace(" to ", "-")
+    elif unit == "1" and point.error_low is not None and point.error_high is not None:
+        errors = seeds_text(point.error_low, point.error_high)
     return Row(
         (
             f"{point.number} {', '.join((point.name, *point.marks))}",
-            error_text(point.error, unit),
+            error_text(point.error, unit, report.target.tolerance),
             errors,
             time,
             f"{format_amount(point.real_time, digits=2)}x",

@@ -4,7 +4,7 @@ import copy
 import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from shutil import rmtree
 from statistics import stdev
@@ -30,6 +30,7 @@ from contactlab.schema.tune_report import (
     AlternativeCandidate,
     Candidate,
     ChangedSetting,
+    CurrentVerdict,
     FarPairs,
     FrontPoint,
     ParameterUncertainty,
@@ -46,6 +47,7 @@ from contactlab.store.table_layout import axis_cell
 from contactlab.studies.search.configuration import (
     INTEGRATOR,
     Configuration,
+    Key,
     changed_settings,
     format_settings,
 )
@@ -78,32 +80,6 @@ from contactlab.tasks.stress_motions import join_seeds
 from contactlab.tasks.task_clock import Clock
 from contactlab.tasks.task_motions import with_new_seeds
 from contactlab.tasks.time_limit import TimeLimit
-
-
-@dataclass(frozen=True)
-class SeedPlan:
-    """How many fresh seeds the points of the front are measured on, if the work allows them.
-
-    Attributes:
-        pilot: seeds on which contenders are compared.
-        finalists: contenders that are measured on the other seeds.
-        noise: ratio of errors that the pilot may rank wrongly.
-        pilot_share: their share of the work.
-        precision: standard error of the mean, as a share, that is wanted of each point.
-        most: seeds of a point.
-        memory: of a reference [bytes].
-    """
-
-    pilot: int = 12
-    pilot_share: float = 0.4
-    precision: float = 0.05
-    most: int = 400
-    memory: float = 3e8
-    finalists: int = 11
-    noise: float = 1.25
-
-
-_SEED_PLAN = SeedPlan()
 
 
 def tune_model(
@@ -181,6 +157,7 @@ class TuningStudy:
             front_work=PLAN.front / PLAN.search * problem.search_passes,
             sleep_work=problem.sleep_work,
         )
+        self._errors = dict[Key, ErrorEstimate]()
         self._divergence: Divergence | None = None
         self._target = self._find_target()
         self._goals = self._find_goals()
@@ -195,7 +172,7 @@ class TuningStudy:
 
     @property
     def _current_error(self) -> float:
-        """Error of the model as written, from the seeds of the search."""
+        """Error of the model as written, as the search estimates it."""
         return error_of(self._search.evaluate_current())
 
     def _find_target(self) -> Target:
@@ -211,7 +188,7 @@ class TuningStudy:
                     f"{self._divergence.sentence}. Remove --error-at to use the error budget"
                 )
             unit = problem.observed_outputs[0].unit
-        now = self._current_error
+        now = self._find_error(self._search.evaluate_current()).error
         limit = max(now, ERROR_FLOOR)
         if request.error is not None:
             kind = "error" if request.error_at is None else kind
@@ -231,6 +208,14 @@ class TuningStudy:
             divergence=self._divergence.sentence if self._divergence else "",
             chance=self._chance_of_error() if kind == "as written" else 0.0,
         )
+
+    def _find_error(self, evaluation: Evaluation) -> ErrorEstimate:
+        """Return the error of a candidate that is printed: if known, on all seeds of the task."""
+        key, current = evaluation.configuration.key, self._search.current.key
+        if self._request.error_at is None and key == current:
+            return self._problem.current_error
+        assert evaluation.error
+        return self._errors.get(key, evaluation.error)
 
     def _chance_of_error(self) -> float:
         # By how much the error of an equal chaotic motion may be larger: its spread over seeds.
@@ -254,11 +239,12 @@ class TuningStudy:
         that is less accurate than the target: also the fastest that meets the target.
         """
         now, limit = self._current_error, self._target.limit
+        own = self._find_error(self._search.evaluate_current()).error
         if self._target.kind in ("as written", "real time"):
-            chance = max(0.0, min(self._target.chance, self._target.tolerance - now))
+            chance = max(0.0, min(self._target.chance, self._target.tolerance - own))
             bound = Bound.as_current(now, ERROR_FLOOR, chance)
             return [Goal(bound, FOLDER, must_be_sound=False)]
-        if now <= limit:
+        if own <= limit:
             bound = Bound.of(limit).or_as_current(now)
             return [Goal(bound, FOLDER, allows_error=self._target.kind == "error")]
         as_current = Goal(Bound.as_current(now), EQUAL_ERROR_FOLDER, must_be_sound=False)
@@ -267,12 +253,9 @@ class TuningStudy:
 
     def run_study(self) -> TuneReport:
         """Search, write and verify candidates, and return the report."""
-        search, verifier = self._search, self._verifier
-        with step_names(3) as begin_step:
+        with step_names(2) as begin_step:
             begin_step("searching")
-            search.run_search()
-            begin_step("judging the model as written")
-            verifier.judge_current()
+            self._search.run_search()
             begin_step("verifying candidates")
             return self._verify_and_report()
 
@@ -285,6 +268,8 @@ class TuningStudy:
         best, as_current = self._verify_goals()
         is_met = best is not None or self._meets_target(current)
         nearest = None if is_met else search.closest_to(self._target.limit, verifier.rejected)
+        if nearest and self._target.unit == "1" and self._time_limit.remaining > 0:
+            self._measure_point(nearest)
         answers_found = [answer for answer in (best, as_current) if answer]
         front = self._describe_front(best, as_current)
         removes_unused = any(point.candidate.removes_unused for point in front)
@@ -293,12 +278,16 @@ class TuningStudy:
             model=self._request.model,
             scene_hash=self._problem.examined.scene.hash,
             mujoco=VERSION,
-            task=self._problem.examined.task,
+            task=self._problem.judged.task,
             target=self._target,
             sentence="",
             target_met=is_met,
             current=self._describe_candidate(current),
-            current_verdict=verifier.current_verdict(),
+            current_verdict=CurrentVerdict(
+                seeds=self._problem.judged.task.seeds,
+                verdict=self._problem.judged.budget_verdict.word,
+                numerical_error=self._problem.current_error.error,
+            ),
             recommended=self._describe_candidate(best.evaluation) if best else None,
             far_pairs=self._report_far_pairs([answer.evaluation for answer in answers_found]),
             simplified_hulls=self._report_hulls(answers_found),
@@ -365,9 +354,13 @@ class TuningStudy:
         if answer is None:
             reason = self._verifier.skipped[-1].reason
             return point.model_copy(update={"verification": reason})
-        verification = answer.verification
+        verification, own = (
+            answer.verification,
+            self._verifier.errors.get(evaluation.configuration.key),
+        )
         return point.model_copy(
             update={
+                **({} if own is None else _describe_error(own)),
                 "state": "verified" if verification.holds else "failed",
                 "verification": verification.sentence,
                 "verified": verification,
@@ -411,39 +404,43 @@ class TuningStudy:
     def _choose_points(
         self, marked: Sequence[Evaluation]
     ) -> tuple[list[Evaluation], list[ErrorEstimate]]:
-        # Return the points of the front, and their errors on fresh seeds.
-        #
-        # Bodies meet stops and others at other times for each seed, so that the few seeds of the
-        # search say little of accurate candidates. Contenders are compared on more seeds, and those
-        # that remain on others: these choose the points. If work allows few seeds, all contenders
-        # are measured on them. Without time or work for that, the errors of the search count.
-        search, plan = self._search, _SEED_PLAN
-        if self._request.error_at is not None:  # the largest of all seeds grows with their number
-            plan = replace(plan, pilot=self._problem.seeds, most=self._problem.seeds)
+        # Return the points of the front, and their numerical errors. The search estimates errors
+        # from other states, so its best candidates are measured, as far as the work allows.
+        search = self._search
         candidates = [one for one in search.evaluations.values() if one.error]
         candidates = [one for one in candidates if search.keeps_margin(one, search.front_limit)]
-        first = max(self._problem.task.seeds) + 1
-        contenders = self._choose_contenders(candidates, marked)
-        count = min(plan.pilot, self._affordable_seeds(contenders, plan.pilot_share))
-        has_pilot = count == plan.pilot
-        if not has_pilot:
-            count = min(plan.pilot, self._affordable_seeds(contenders, 1.0))
-        if count < self._problem.seeds or not self._has_time(contenders, count):
-            points = choose_front(candidates, marked, search.front_limit)
+        if self._target.unit != "1":
+            return self._choose_forward(candidates, marked)
+        contenders, seeds = self._choose_contenders(candidates, marked)
+        for one in contenders:
+            if self._time_limit.remaining < 0:
+                self._verifier.ending = "time"
+                contenders = [each for each in contenders if each.configuration.key in self._errors]
+                break
+            self._measure_point(one, seeds)
+        errors = [self._find_error(one) for one in contenders]
+        return self._choose_measured(contenders, errors, marked)
+
+    def _measure_point(self, evaluation: Evaluation, seeds: int | None = None) -> None:
+        key, known = evaluation.configuration.key, self._verifier.errors
+        if key in known:
+            self._errors[key] = known[key]
+        elif key not in self._errors:
+            model = self._search.space.model_of(evaluation.configuration)
+            step = self._problem.timestep_of(evaluation.configuration)
+            self._errors[key] = self._problem.measure_error(model, step, seeds)
+
+    def _choose_forward(
+        self, candidates: Sequence[Evaluation], marked: Sequence[Evaluation]
+    ) -> tuple[list[Evaluation], list[ErrorEstimate]]:
+        # The largest error of all seeds grows with their number, so that fresh seeds are as many.
+        rules, seeds = FrontRules(), self._problem.seeds
+        contenders = choose_contenders(candidates, marked, self._search.front_limit, rules)
+        if not self._has_time(contenders, seeds):
+            points = choose_front(candidates, marked, self._search.front_limit)
             return points, [one.error for one in points if one.error]
-        errors = self._measure_errors(contenders, first, count)
-        if not has_pilot:
-            return self._choose_measured(contenders, errors, marked)
-        rules = FrontRules(noise=plan.noise, contenders=plan.finalists)
-        piloted = self._with_errors(contenders, errors)
-        finalists = choose_contenders(piloted, marked, self._limit_front(piloted), rules)
-        spread = max(error.relative_spread for error in errors)
-        needed_seeds = max(plan.pilot, math.ceil((spread / plan.precision) ** 2))
-        more = min(needed_seeds, self._affordable_seeds(finalists, 1 - plan.pilot_share), plan.most)
-        if more >= count and self._has_time(finalists, more):
-            own = {one.configuration.key: one for one in contenders}
-            contenders = [own[one.configuration.key] for one in finalists]
-            errors = self._measure_errors(contenders, first + count, more)
+        first = max(self._problem.task.seeds) + 1
+        errors = self._measure_forward(contenders, first, seeds)
         return self._choose_measured(contenders, errors, marked)
 
     def _limit_front(self, evaluations: Sequence[Evaluation]) -> float:
@@ -459,14 +456,26 @@ class TuningStudy:
 
     def _choose_contenders(
         self, candidates: Sequence[Evaluation], marked: Sequence[Evaluation]
-    ) -> list[Evaluation]:
+    ) -> tuple[list[Evaluation], int]:
+        # Return candidates to measure, and the number of seeds: all if work allows, or fewer
+        # candidates, then fewer seeds.
         rules, limit = FrontRules(), self._search.front_limit
-        while True:
-            contenders = choose_contenders(candidates, marked, limit, rules)
-            seeds = self._affordable_seeds(contenders, _SEED_PLAN.pilot_share)
-            if seeds >= _SEED_PLAN.pilot or rules.contenders <= rules.most:
-                return contenders
-            rules = replace(rules, contenders=rules.contenders - 2)
+        all_seeds = len(self._problem.judged.task.seeds)
+        keys = {one.configuration.key for one in marked}
+        for count in range(rules.contenders, len(marked), -2):
+            own = replace(rules, contenders=count)
+            contenders = choose_contenders(candidates, marked, limit, own)
+            others = [one for one in contenders if one.configuration.key not in keys]
+            seeds = self._affordable_seeds(others)
+            if seeds >= (all_seeds if count > rules.most else 1):
+                return contenders, min(seeds, all_seeds)
+        return list(marked), all_seeds
+
+    def _affordable_seeds(self, candidates: Sequence[Evaluation]) -> int:
+        problem = self._problem
+        allowed = PLAN.points / PLAN.search * problem.work
+        each = problem.measuring_seconds * sum(one.cost for one in candidates)
+        return int(allowed / each) if each else len(problem.judged.task.seeds)
 
     def _choose_measured(
         self,
@@ -483,14 +492,6 @@ class TuningStudy:
             one.error for one in points if one.error
         ]
 
-    def _affordable_seeds(self, candidates: Sequence[Evaluation], share: float) -> int:
-        """Return the seeds for errors of candidates, by a share of the work and by memory."""
-        problem = self._problem
-        states = sum(motion.steps * motion.starts.shape[1] for motion in problem.motions)
-        size = 8 * states * problem.reference.substeps
-        allowed = share * PLAN.points / PLAN.search * problem.work
-        return int(min(allowed / self._count_seconds(candidates), _SEED_PLAN.memory / size))
-
     def _count_seconds(self, candidates: Sequence[Evaluation]) -> float:
         # CPU time for the errors of candidates on one seed.
         problem = self._problem
@@ -503,13 +504,12 @@ class TuningStudy:
         self._verifier.ending = "time"
         return False
 
-    def _measure_errors(
+    def _measure_forward(
         self, candidates: Sequence[Evaluation], first: int, count: int
     ) -> list[ErrorEstimate]:
         problem, search = self._problem, self._search
         seeds = tuple(range(first, first + count))
         motions = problem.examined.motions_of(problem.task.model_copy(update={"seeds": seeds}))
-        # Few windows would have an error that no seed shows: impacts are in some of them only.
         fine = TaskReference.run_references(
             motions,
             problem.reference.substeps,
@@ -546,7 +546,6 @@ class TuningStudy:
         answer = next(iter(own.values()), None)
         is_current = key == self._search.current.key
         failed = self._verifier.worse.get(key, "")
-        low, high = error.mean_interval() if len(error.shares) != 1 else (None, None)
         state: PointState = "as written" if is_current else "verified" if answer else "not verified"
         return FrontPoint(
             number=number,
@@ -554,8 +553,8 @@ class TuningStudy:
             marks=("as written",) * is_current + tuple(own),
             candidate=self._describe_candidate(evaluation),
             error=error.error,
-            error_low=low,
-            error_high=high,
+            error_low=_low_of(error),
+            error_high=_high_of(error),
             error_seeds=len(error.shares),
             real_time=1 / self._clock.base_seconds / self._time_share(evaluation),
             state=state,
@@ -636,10 +635,9 @@ class TuningStudy:
         return other is None or evaluation.cost <= other.cost / SAVING
 
     def _meets_target(self, evaluation: Evaluation) -> bool:
-        assert evaluation.error
         if self._search.max_cost is not None:
             return self._search.max_cost >= 1
-        return evaluation.error.error <= self._target.limit
+        return self._find_error(evaluation).error <= self._target.limit
 
     def _time_candidate(self, evaluation: Evaluation) -> None:
         self._time_closely([self._verifier.current, evaluation], fewest_seeds=4)
@@ -764,8 +762,8 @@ class TuningStudy:
             yield ChangedSetting(name=name, before=axis_cell(before), after=axis_cell(after))
 
     def _describe_candidate(self, evaluation: Evaluation) -> Candidate:
-        error, price, choice = evaluation.error, evaluation.time_ratio, evaluation.configuration
-        assert error
+        price, choice = evaluation.time_ratio, evaluation.configuration
+        error = self._find_error(evaluation)
         own = changed_settings(choice.settings, self._problem.model)
         settings: dict[str, Setting] = {name: axis_cell(value) for name, value in own.items()}
         return Candidate(
@@ -784,6 +782,23 @@ class TuningStudy:
             time=error.time,
             time_ratio=price,
         )
+
+
+def _describe_error(error: ErrorEstimate) -> dict[str, object]:
+    return {
+        "error": error.error,
+        "error_low": _low_of(error),
+        "error_high": _high_of(error),
+        "error_seeds": len(error.shares),
+    }
+
+
+def _low_of(error: ErrorEstimate) -> float | None:
+    return error.low if len(error.shares) != 1 else None  # one seed has no range
+
+
+def _high_of(error: ErrorEstimate) -> float | None:
+    return error.high if len(error.shares) != 1 else None
 
 
 def _change_reference(model: mujoco.MjModel, change: ModelChange) -> mujoco.MjModel:

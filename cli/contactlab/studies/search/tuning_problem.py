@@ -7,9 +7,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import mujoco
+import numpy as np
 
-from contactlab.budget import Motion
-from contactlab.budget.measuring import WINDOW
+from contactlab.budget import ErrorBudget, Motion, Verdict, error_budget, judge
+from contactlab.budget.counted_time import count_pace
+from contactlab.budget.measuring import WINDOW, evaluations
+from contactlab.budget.restarts import build_reference_model
 from contactlab.errors import EngineError, SceneError
 from contactlab.judge.wording import plural
 from contactlab.modifications.catalogue import list_reductions
@@ -22,10 +25,11 @@ from contactlab.modifications.unused_pairs import (
     with_flags,
 )
 from contactlab.scene.model_draft import ModelEdits
-from contactlab.scene.model_edits import read_option
+from contactlab.scene.model_edits import read_option, set_timestep
 from contactlab.scene.scene import Scene
 from contactlab.scene.unreachable import GeomPair, filtered_pairs
 from contactlab.schema.task import Task
+from contactlab.studies.examine.judged_model import judge_as_examined
 from contactlab.studies.search.configuration import (
     AS_WRITTEN,
     INTEGRATOR,
@@ -99,6 +103,23 @@ PLAN = WorkPlan()
 
 
 @dataclass(frozen=True)
+class ScaledError:
+    """Scales the errors of an estimator.
+
+    Attributes:
+        estimator: of errors from the states of one reference, which rank candidates.
+        scale: numerical error of the model as written, over its error there.
+    """
+
+    estimator: ErrorEstimator
+    scale: float
+
+    def estimate_error(self, model: mujoco.MjModel, multiple: int) -> ErrorEstimate:
+        """Return the scaled error."""
+        return self.estimator.estimate_error(model, multiple).scaled(self.scale)
+
+
+@dataclass(frozen=True)
 class SearchRules:
     """Shares of the work of a search, and sizes of its references and runs.
 
@@ -118,7 +139,7 @@ class SearchRules:
         search_passes: approximate simulations of the task per search.
         fewest_passes: below, runs are shortened: exact savings, the solver, and a few steps.
         fresh_passes: simulations of the task per seed, for references and errors on fresh seeds.
-        fresh_share: of the work of verification, for errors on fresh seeds.
+        fresh_share: of the work of verification, for errors on fresh seeds, estimated and measured.
         most_fresh_seeds: a mean over them is known to a third of the spread of seeds.
         window_stride: at least one in this many windows is used if there are several seeds.
         most_window_stride: at least one in this many windows is used of one seed.
@@ -155,6 +176,8 @@ class TuningProblem:
         cost: counts the work of models.
         original_runs: runs of the model as written that verifications compare with.
         work: counted time that the search may take [s].
+        judged: the model with the task, seeds and settings of its examination.
+        current_error: the numerical error of the model as written, as its examination prints it.
         task: the model's task, shortened if the model is very slow.
         length_share: share of the length of the runs of the search.
         verified_task: the model's task in verifications, shortened if the model is slow.
@@ -182,7 +205,9 @@ class TuningProblem:
         self.motions = examined.motions_of(self.task)
         self.model = compile_changed(self.examined, ModelEdits())
         self.skipped = list[SkippedParameter]()
-        self.work = PLAN.search * PLAN.whole * request.max_time
+        self.judged = judge_as_examined(examined)
+        self.current_error = ErrorEstimate.of_budget(self.judged.budget)
+        self.work = PLAN.search * PLAN.whole * self._searched_seconds
         one = [first_seeds(motion, 1) for motion in self.motions]
         self.cost = CountedCost(one, self.model, threads)
         self._window_stride = self._plan_windows()
@@ -236,9 +261,88 @@ class TuningProblem:
     ) -> ErrorEstimator:
         """Return the estimator of errors against the model as written, for motions."""
         if self._request.error_at is None:
-            return SleepAwareError(reference, motions, self.reference.substeps, self.threads)
+            scaled = ScaledError(reference, self._scale)
+            return SleepAwareError(scaled, motions, self.reference.substeps, self.threads)
         finer, at = self.reference.substeps, self._request.error_at
         return ForwardError(motions, finer, self.observed_outputs, at, self.threads)
+
+    @cached_property
+    def _scale(self) -> float:
+        # Of errors from states of the reference, so that the model as written has its own one.
+        found = self.reference.estimate_error(self.model, self.reference.substeps).error
+        own = self.current_error.error
+        usable = math.isfinite(own) and math.isfinite(found)
+        return max(own, ERROR_FLOOR) / max(found, ERROR_FLOOR) if usable else 1.0
+
+    @property
+    def _searched_seconds(self) -> float:
+        # The numerical errors of the model as written and of the recommended one come first.
+        seconds, least_share = self._request.max_time, 0.5
+        return max(
+            least_share * seconds,
+            seconds - 2 * len(self.judged.task.seeds) * self.measuring_seconds,
+        )
+
+    @cached_property
+    def measuring_seconds(self) -> float:
+        """Counted time of the numerical error of the model as written, on one seed [s]."""
+        motions, settings = self.judged.motions, self.judged.budget_settings
+        steps = sum(motion.steps for motion in motions)
+        return evaluations(motions[0].model, settings) * steps * count_pace(motions)
+
+    def measure_error(
+        self, model: mujoco.MjModel, timestep: float, seeds: int | None = None
+    ) -> ErrorEstimate:
+        """Return the numerical error of a candidate, on all seeds of its task or on the first ones.
+
+        It is that of `contactlab MODEL`, with references of the model as written.
+        """
+        judged = self.judged
+
+        def change(own: mujoco.MjModel) -> mujoco.MjModel:
+            changed = self.as_run(model, own)
+            set_timestep(changed, timestep)
+            return changed
+
+        task = judged.task.model_copy(update={"seeds": judged.task.seeds[:seeds]})
+        motions = judged.motions_of(task, {**judged.values, "timestep": timestep}, change)
+        return ErrorEstimate.of_budget(self._measure_budget(motions, from_original=True))
+
+    def judge_written(self, written: CheckedModel) -> tuple[ErrorEstimate, Verdict]:
+        """Return the numerical error of a written candidate, and its verdict on numerics.
+
+        If it changes a modeling choice, the effect of that is a part of the error. The range over
+        seeds includes fresh ones if the work allows.
+        """
+        task = self.judged.task
+        motions = written.motions_of(task)
+        is_same = _has_same_reference(motions[0].model, self.judged.motions[0].model)
+        budget = self._measure_budget(motions)
+        error = ErrorEstimate.of_budget(budget)
+        if not is_same:
+            changed = self._measure_budget(motions, from_original=True)
+            error = max(error, ErrorEstimate.of_budget(changed), key=lambda one: one.error)
+        seconds = len(task.seeds) * self.measuring_seconds
+        if seconds <= _RULES.fresh_share * self._verification_work:
+            fresh_motions = written.motions_of(with_new_seeds(task))
+            fresh = self._measure_budget(fresh_motions, from_original=not is_same)
+            error = error.widened_by(ErrorEstimate.of_budget(fresh))
+        return error, judge(budget, task.tolerance)
+
+    def _measure_budget(
+        self, motions: Sequence[Motion], *, from_original: bool = False
+    ) -> ErrorBudget:
+        settings = self.judged.budget_settings
+        if from_original:
+            settings = replace(settings, energy=False)
+        original = self.judged.motions[0].model if from_original else None
+        return error_budget(
+            motions,
+            rows=(),
+            settings=replace(settings, places=False, excess=False),
+            workers=self.threads,
+            original=original,
+        )
 
     @cached_property
     def fresh_task(self) -> Task:
@@ -600,6 +704,18 @@ class TuningProblem:
                 excluded=(*edits.excluded, *self.far_pairs.excluded),
             )
         return replace(edits, hulls=self.hull_vertices) if "hulls" in reductions else edits
+
+
+def _has_same_reference(model: mujoco.MjModel, other: mujoco.MjModel) -> bool:
+    # Whether two models differ in numerics only, which references replace.
+    references = [build_reference_model(each, 1) for each in (model, other)]
+    for reference in references:
+        reference.opt.timestep = other.opt.timestep
+        reference.opt.integrator = other.opt.integrator
+    buffers = [np.empty(mujoco.mj_sizeModel(each), np.uint8) for each in references]
+    for reference, buffer in zip(references, buffers, strict=True):
+        mujoco.mj_saveModel(reference, None, buffer)
+    return bytes(buffers[0]) == bytes(buffers[1])
 
 
 def control_period(scene: Scene) -> float | None:

@@ -11,14 +11,13 @@ from shutil import rmtree
 
 import mujoco
 
-from contactlab.budget import Settings, error_budget, judge
 from contactlab.errors import SceneError
 from contactlab.modifications.unused_pairs import pairs_within
+from contactlab.rendering.amounts import format_percent
 from contactlab.reporting.verified_measures import describe_measure
 from contactlab.scene.model_names import printed_geom_name
 from contactlab.scene.model_writer import WrittenModel, write_model
-from contactlab.schema.task import Task
-from contactlab.schema.tune_report import MODEL, CurrentVerdict, Target, Verification
+from contactlab.schema.tune_report import MODEL, Target, Verification
 from contactlab.schema.verification import VerifiedChange, VerifiedMeasure
 from contactlab.studies.search.configuration import (
     INTEGRATOR,
@@ -57,7 +56,6 @@ from contactlab.tasks.session import Session
 from contactlab.tasks.stress_motions import KnownStates, double_inputs, tilt_gravity
 from contactlab.tasks.time_limit import TimeLimit
 
-_BUDGET_SETTINGS = Settings(places=False, excess=False)  # settings of the error budget of a verdict
 ACCURATE = "ok"
 """The verdict of `contactlab MODEL` on accurate numerics."""
 
@@ -72,12 +70,14 @@ class Goal:
         must_be_sound: whether the verdict must be accurate; otherwise it may equal the verdict on
             the model as written.
         allows_error: whether the error of the bound is requested, so that errors may grow up to it.
+        checks_error: whether the numerical error decides; that of a requested point does not.
     """
 
     bound: Bound
     folder: str
     must_be_sound: bool = True
     allows_error: bool = False
+    checks_error: bool = True
 
 
 @dataclass(frozen=True)
@@ -124,17 +124,6 @@ def _integrator_of(evaluation: Evaluation) -> object:
     return evaluation.configuration.settings.get(INTEGRATOR)
 
 
-@dataclass(frozen=True)
-class _Judgement:
-    """Verdict on numerics: word, largest error, its range over seeds, and the reason."""
-
-    verdict: str
-    error: float
-    low: float
-    high: float
-    reason: str
-
-
 class CandidateVerifier:
     """Writes and verifies candidates.
 
@@ -142,6 +131,7 @@ class CandidateVerifier:
         skipped: candidates that failed or were not verified, and why.
         rejected: keys of candidates that failed on fresh seeds.
         worse: of those, the written ones, and the measure that was worse.
+        errors: numerical errors of written candidates, by key, on all seeds of the task.
         ending: whether work or time ended verification early.
     """
 
@@ -163,7 +153,7 @@ class CandidateVerifier:
         self.rejected, self.worse = set[Key](), dict[Key, str]()
         self.ending: Ending = "complete"
         self._reserve = 0.0  # s: what the longest verification has taken
-        self._current_verdicts = dict[tuple[int, ...], _Judgement]()
+        self.errors = {search.current.key: problem.current_error}
 
     @property
     def _examined(self) -> CheckedModel:
@@ -200,13 +190,17 @@ class CandidateVerifier:
                 if verified.holds and not self._saves_no_time(evaluation):
                     return VerifiedCandidate(evaluation, written_model, verified)
                 if not verified.holds:
-                    self._reject_candidate(evaluation, f"on fresh seeds: {verified.sentence}")
+                    measured = verified.numerical_error is not None
+                    reason = (
+                        verified.sentence if measured else f"on fresh seeds: {verified.sentence}"
+                    )
+                    self._reject_candidate(evaluation, reason)
                     self.worse[evaluation.configuration.key] = verified.sentence
                     # A label or another measure may be caused by the step, whatever the error.
-                    limits = [self._examined.task.tolerance]
+                    limit = self._examined.task.tolerance
                     if not goal.must_be_sound:
-                        limits += [judgement.high for judgement in self._current_verdicts.values()]
-                    part = step_fraction(verified.numerical_error, max(limits))
+                        limit = max(limit, self._problem.current_error.high)
+                    part = step_fraction(verified.numerical_error, limit)
                     simpler = self._simpler_variant(evaluation, goal, done_keys)
                     if simpler is None:
                         below = below.tightened_by(evaluation, part)
@@ -228,7 +222,13 @@ class CandidateVerifier:
         )
         allowed = max(error_of(evaluation), error.error)
         is_share = self._target.unit == "1"
-        goal = Goal(Bound.of(allowed), folder, must_be_sound=False, allows_error=is_share)
+        goal = Goal(
+            Bound.of(allowed),
+            folder,
+            must_be_sound=False,
+            allows_error=is_share,
+            checks_error=False,
+        )
         try:
             result = self._write_and_verify(evaluation, error, goal)
         except OutOfTimeError:
@@ -305,19 +305,20 @@ class CandidateVerifier:
         if lost or self._saves_no_time(evaluation):
             rmtree(self._session.folder / goal.folder, ignore_errors=True)
             return None
-        verdict_now, error = self.current_verdict(), evaluation.error
-        assert error
+        current = self._problem.current_error
+        if self._target.unit == "1":
+            self.errors[evaluation.configuration.key] = current
         return VerifiedCandidate(
             evaluation,
             written_model,
             Verification(
                 seeds=self._problem.fresh_task.seeds,
                 holds=True,
-                meets_target=error.error <= max(self._target.limit, goal.bound.accepted),
+                meets_target=error_of(evaluation) <= max(self._target.limit, goal.bound.accepted),
                 error=None,
                 current_error=None,
-                verdict=verdict_now.verdict if verdict_now else "",
-                numerical_error=verdict_now.numerical_error if verdict_now else None,
+                verdict=self._problem.judged.budget_verdict.word,
+                numerical_error=current.error,
                 labels=(),
                 sentence="the motion is that of the model as written, bit for bit, in the task, on "
                 "fresh seeds, tilted, and with twice the inputs",
@@ -454,11 +455,9 @@ class CandidateVerifier:
         limit = self._limit_of(goal)
         if self._search.max_cost is not None or error.error <= limit:
             return ""
-        unit = self._target.unit
-        own, most = error_text(error.error, unit), error_text(limit, unit)
-        if own == most and unit == "1":
-            # More digits show which one is larger.
-            own, most = (f"{100 * each:.4g} %" for each in (error.error, limit))
+        if self._target.unit == "1":
+            return f"its error in {error.body} is too large there"
+        own, most = (error_text(each, self._target.unit) for each in (error.error, limit))
         return f"error {own} in {error.body}, at most {most}"
 
     def _verify_model(
@@ -467,41 +466,61 @@ class CandidateVerifier:
         """Judge a written model with a known error on fresh seeds."""
         self._session.notify(f"verifying {self._settings_text(evaluation)}")
         examined = open_changed_model(written_model.reference, self._session, self._request.task)
-        task = self._own_task(self._problem.seeds)
-        judgement = self._judge_task(examined, task)
+        problem, why = self._problem, ""
+        if "far-pairs" in evaluation.configuration.reductions and (pair := self._touching_pair()):
+            why = f"{pair} touch, but stayed apart before"
+        panel = None if why else self._compare_measures(examined, goal)
+        if panel is not None and panel.ended_early and panel.passed:
+            raise OutOfTimeError
+        if panel is not None and not panel.passed:
+            why = f"worse than as written: {panel.sentence}"
+        own, word = None, ""
+        if panel is not None and panel.passed:
+            own, word, why = self._judge_error(examined, goal)
+            if self._target.unit == "1":
+                self.errors[evaluation.configuration.key] = own
+        holds = not why
         timely = self._search.max_cost is not None
-        holds, why, panel = True, "", None
-        if judgement.verdict != ACCURATE:
-            holds = not goal.must_be_sound and self._is_as_current(task, judgement)
-            why = (
-                f"{judgement.verdict}, like the model as written: {judgement.reason}; "
-                if holds
-                else judgement.reason
-            )
-        if (
-            holds
-            and "far-pairs" in evaluation.configuration.reductions
-            and (touched := self._touching_pair())
-        ):
-            holds, why = False, f"{touched} touch, but stayed apart before"
-        if holds:
-            panel = self._compare_measures(examined, goal)
-            holds = panel.passed
-            if holds and panel.ended_early:
-                raise OutOfTimeError
-            why = why + panel.sentence if holds else f"worse than as written: {panel.sentence}"
+        is_within = (error if own is None else own).error <= self._largest_met_error
         return Verification(
-            seeds=self._problem.fresh_task.seeds,
+            seeds=problem.fresh_task.seeds,
             holds=holds,
-            meets_target=holds and (timely or error.error <= self._largest_met_error),
-            error=error.error,
-            current_error=self._problem.fresh_error.error,
-            verdict=judgement.verdict,
-            numerical_error=judgement.error,
+            meets_target=holds and (timely or is_within),
+            error=error.error if self._target.unit != "1" else None,
+            current_error=problem.fresh_error.error if self._target.unit != "1" else None,
+            verdict=word,
+            numerical_error=own.error if own else None,
             labels=(),
-            sentence=why,
+            sentence=why or self._join_result(panel, word),
             panel=panel,
         )
+
+    @staticmethod
+    def _join_result(panel: VerifiedChange | None, word: str) -> str:
+        sentence = panel.sentence if panel else ""
+        return sentence if word == ACCURATE else f"{sentence}; {word}, like the model as written"
+
+    def _judge_error(self, examined: CheckedModel, goal: Goal) -> tuple[ErrorEstimate, str, str]:
+        """Return the numerical error of a written candidate, its verdict, and why it fails."""
+        problem, tolerance = self._problem, self._examined.task.tolerance
+        error, verdict = problem.judge_written(examined)
+        now, now_word = problem.current_error, problem.judged.budget_verdict.word
+        text, unit = format_percent(error.error), "1"
+        why = ""
+        if verdict.word != ACCURATE and (goal.must_be_sound or verdict.word != now_word):
+            why = verdict.reasons[0].sentence
+        elif not goal.checks_error:
+            pass
+        elif goal.must_be_sound and error.error > tolerance:
+            why = f"numerical error {text}, above the tolerance"
+        elif goal.allows_error and self._target.unit == unit:
+            limit = max(goal.bound.limit, now.error)
+            if error.error > limit:
+                why = f"numerical error {text}, above {format_percent(limit)}"
+        elif not goal.must_be_sound and error.low > max(now.high, ERROR_FLOOR):
+            # Motions from the same starts differ, and have another mean.
+            why = f"numerical error {text}, {format_percent(now.error)} as written"
+        return error, verdict.word, why
 
     def _compare_measures(self, changed: CheckedModel, goal: Goal) -> VerifiedChange:
         """Run the original and the changed model next to each other; the time limit ends it."""
@@ -533,9 +552,13 @@ class CandidateVerifier:
 
     @property
     def _largest_met_error(self) -> float:
-        """Largest error on fresh seeds that meets the target."""
+        """Largest error that meets the target."""
         limit = self._target.limit
-        return max(limit, self._equal_fresh_error) if error_of(self.current) <= limit else limit
+        if error_of(self.current) > limit:
+            return limit
+        if self._target.unit == "1":
+            return max(limit, self._problem.current_error.high)
+        return max(limit, self._equal_fresh_error)
 
     @property
     def _equal_fresh_error(self) -> float:
@@ -543,61 +566,6 @@ class CandidateVerifier:
         fresh = self._problem.fresh_error.error
         by_chance = min(fresh + self._target.chance, self._target.tolerance)
         return max(EQUAL_ERROR_RATIO * fresh, by_chance if self._target.chance else 0.0)
-
-    def _own_task(self, seeds: int) -> Task:
-        """Return the task with the first seeds of the search."""
-        task = self._problem.verified_task
-        return task.model_copy(update={"seeds": task.seeds[:seeds]})
-
-    def judge_current(self) -> None:
-        """Judge the model as written, on as many of the task's seeds as the search has.
-
-        Without time, nothing is said of it.
-        """
-        if self._time_limit.remaining > 0:
-            self._current_verdict_on(self._own_task(self._problem.seeds))
-
-    def current_verdict(self) -> CurrentVerdict | None:
-        """Return the verdict on the model as written, on the most seeds that were judged."""
-        task = self._examined.task
-        judged_seeds = [
-            seeds for seeds in self._current_verdicts if seeds == task.seeds[: len(seeds)]
-        ]
-        if not judged_seeds:
-            return None
-        seeds = max(judged_seeds, key=len)
-        judgement = self._current_verdicts[seeds]
-        return CurrentVerdict(
-            seeds=seeds, verdict=judgement.verdict, numerical_error=judgement.error
-        )
-
-    def _is_as_current(self, task: Task, judgement: _Judgement) -> bool:
-        """Return whether the verdict on a candidate equals that on the model as written.
-
-        Its least error over seeds must be at most the largest error over seeds as written: free
-        motions from the same starts differ, and have another mean.
-        """
-        now = self._current_verdict_on(task)
-        return now.verdict == judgement.verdict and judgement.low <= now.high
-
-    def _current_verdict_on(self, task: Task) -> _Judgement:
-        """Return the verdict on the model as written, judged once per set of seeds."""
-        if task.seeds not in self._current_verdicts:
-            self._current_verdicts[task.seeds] = self._judge_task(self._examined, task)
-        return self._current_verdicts[task.seeds]
-
-    def _judge_task(self, examined: CheckedModel, task: Task) -> _Judgement:
-        budget = error_budget(
-            examined.motions_of(task),
-            rows=(),
-            settings=_BUDGET_SETTINGS,
-            workers=self._problem.threads,
-        )
-        verdict = judge(budget, task.tolerance)
-        reason = verdict.reasons[0].sentence if verdict.reasons else ACCURATE
-        seeds = max(budget.phases, key=lambda phase: phase.run.error).run.seeds
-        low, high = float(seeds.min()), float(seeds.max())
-        return _Judgement(verdict.word, budget.error, low, high, reason)
 
     def _touching_pair(self) -> str:
         """Return the first far pair that touches on fresh seeds, or ""."""
