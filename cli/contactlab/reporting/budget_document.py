@@ -166,7 +166,7 @@ def _table_row(placed: PlacedRow, group: str, tolerance: float) -> Row:
     spread = seeds_text(*row.seeds) if row.seeds and row.error is not None else ""
     when = "" if row.time is None else f", {placed.begin + row.time:.2f} s"
     exceeds = error is not None and error > tolerance
-    text = judged_share_text(error, tolerance)
+    text = format_above(error, tolerance) if error and exceeds else _shorten_share(error)
     where = f"{row.body}{when}" if error is not None and error >= _NOTHING else ""
     ratio = format_amount(row.time_ratio.ratio, "x") if row.time_ratio else ""
     is_judged = not group or row.kind in {"numerics", "model"}
@@ -178,12 +178,6 @@ def seeds_text(low: float, high: float) -> str:
     """Return the range of an error over seeds as text; "" if they are equal."""
     first, last = (_shorten_share(value).removesuffix(" %") for value in (low, high))
     return "" if first == last else f"{first}-{last} %"
-
-
-def judged_share_text(error: float | None, tolerance: float) -> str:
-    """Return an error as text, with as many digits as show whether it is above a tolerance."""
-    exceeds = error is not None and error > tolerance
-    return format_above(error, tolerance) if error and exceeds else _shorten_share(error)
 
 
 def _shorten_share(share: float | None) -> str:

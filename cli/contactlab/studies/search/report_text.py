@@ -3,8 +3,7 @@
 import math
 from collections.abc import Iterator
 
-from contactlab.rendering.amounts import format_percent
-from contactlab.reporting.budget_document import judged_share_text
+from contactlab.rendering.amounts import format_above, format_percent
 from contactlab.schema.tune_report import Candidate, TuneReport
 from contactlab.studies.search.configuration import format_settings
 from contactlab.studies.search.settings_search import EQUAL_ERROR_RATIO
@@ -19,7 +18,9 @@ def error_text(error: float | None, unit: str, tolerance: float = math.inf) -> s
     """Return an error with its unit; a share in percent, with digits above a tolerance."""
     if error is None:
         return "unknown"
-    return judged_share_text(error, tolerance) if unit == "1" else f"{error:.2e} {unit}"
+    if unit != "1":
+        return f"{error:.2e} {unit}"
+    return format_above(error, tolerance) if error > tolerance else format_percent(error)
 
 
 def find_error(report: TuneReport, mark: str = "as written") -> float | None:
@@ -72,6 +73,8 @@ def sentence_of(report: TuneReport) -> str:
     if best and best.time_ratio and verified:
         own = error_text(find_error(report, "recommended"), target.unit, target.tolerance)
         change = f"error {own}, as before" if own == current else f"error {own}, not {current}"
+        if own != current and _is_within_seeds(report):
+            change = f"error {own}, {current} as written; seeds differ by more"
         change = "the same motion" if best.exact else change
         head = f"Recommended: {best.time_ratio.text} time, {change}."
         if _is_above_tolerance(report):
@@ -83,6 +86,16 @@ def sentence_of(report: TuneReport) -> str:
             options = [option for option in options if _NOT_VERIFIED not in option]
     text = " ".join([head, *options])
     return f"{text} {_MORE_TIME}" if _NOT_VERIFIED in text else text
+
+
+def _is_within_seeds(report: TuneReport) -> bool:
+    """Return whether the range of the recommended error over seeds has that as written."""
+    current = find_error(report)
+    return current is not None and any(
+        (point.error_low or 0.0) <= current <= (point.error_high or 0.0)
+        for point in report.front
+        if "recommended" in point.marks
+    )
 
 
 def no_recommendation_text(report: TuneReport, *, has_options: bool) -> str:

@@ -412,6 +412,8 @@ class TuningStudy:
         if self._target.unit != "1":
             return self._choose_forward(candidates, marked)
         contenders, seeds = self._choose_contenders(candidates, marked)
+        for one in marked:
+            self._measure_point(one)
         for one in contenders:
             if self._time_limit.remaining < 0:
                 self._verifier.ending = "time"

@@ -278,15 +278,17 @@ class TuningProblem:
     def _searched_seconds(self) -> float:
         # The numerical errors of the model as written and of the recommended one come first.
         seconds, least_share = self._request.max_time, 0.5
-        return max(
-            least_share * seconds,
-            seconds - 2 * len(self.judged.task.seeds) * self.measuring_seconds,
-        )
+        errors = 2 * len(self.judged.task.seeds) * self._count_error_seconds(energy=True)
+        return max(least_share * seconds, seconds - errors)
 
     @cached_property
     def measuring_seconds(self) -> float:
-        """Counted time of the numerical error of the model as written, on one seed [s]."""
+        """Counted time of an error with the work of the model as written, on one seed [s]."""
+        return self._count_error_seconds(energy=False)
+
+    def _count_error_seconds(self, *, energy: bool) -> float:
         motions, settings = self.judged.motions, self.judged.budget_settings
+        settings = replace(settings, energy=energy and settings.energy)
         steps = sum(motion.steps for motion in motions)
         return evaluations(motions[0].model, settings) * steps * count_pace(motions)
 

@@ -514,10 +514,10 @@ class CandidateVerifier:
         elif goal.must_be_sound and error.error > tolerance:
             why = f"numerical error {text}, above the tolerance"
         elif goal.allows_error and self._target.unit == unit:
-            limit = max(goal.bound.limit, now.error)
+            limit = goal.bound.limit
             if error.error > limit:
                 why = f"numerical error {text}, above {format_percent(limit)}"
-        elif not goal.must_be_sound and error.low > max(now.high, ERROR_FLOOR):
+        elif not goal.must_be_sound and error.low > max(EQUAL_ERROR_RATIO * now.high, ERROR_FLOOR):
             # Motions from the same starts differ, and have another mean.
             why = f"numerical error {text}, {format_percent(now.error)} as written"
         return error, verdict.word, why
