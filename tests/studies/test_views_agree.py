@@ -49,7 +49,7 @@ def searches_agree(model: str, whole: Examination, folder: Path, **options: Any)
     assert whole.budget
     shares = [phase.numerical_error.error for phase in whole.budget.phases]
     finite = [share for share in shares if share is not None]
-    # What MuJoCo gives up in one phase has no share.
+    # A phase that MuJoCo gives up has no share.
     own = max(finite) if len(finite) == len(shares) else None
     for place in ("first", "second"):
         report = contactlab.tune(model, workers=0, output=folder / place, **options)

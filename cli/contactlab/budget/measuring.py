@@ -632,7 +632,7 @@ class PhaseMeasure:
 
 
 def _with_steps_of(original: mujoco.MjModel, motion: Motion) -> mujoco.MjModel:
-    """Return the original with the timestep and the integrator of a changed model's motion."""
+    # References have the timestep and the integrator of the changed model.
     model = without_sensors(original)
     model.opt.integrator = motion.model.opt.integrator
     set_timestep(model, float(motion.model.opt.timestep))

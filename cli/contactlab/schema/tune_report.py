@@ -53,8 +53,8 @@ class Candidate(Model):
     removes_far_pairs: bool = about("Without collisions of far pairs: see the report.")
     simplifies_hulls: bool = about("With fewer vertices of hulls: see the report.")
     error: FiniteOrNull = about(
-        "Error of the worst body, mean over seeds; null if MuJoCo gave up. Of points of the front "
-        "it is the numerical error; of others it is estimated from states of the reference."
+        "Error of the worst body, mean over seeds; null if MuJoCo gave up. Points of the front "
+        "have the numerical error; the others an estimate from states of the reference."
     )
     low: FiniteOrNull = about("Least error of any seed.")
     high: FiniteOrNull = about("Largest error of any seed.")

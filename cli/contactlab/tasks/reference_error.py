@@ -80,7 +80,7 @@ class ErrorEstimate:
         low, high = min(self.low, other.low), max(self.high, other.high)
         return replace(self, low=low, high=high)
 
-    def scaled(self, factor: float) -> "ErrorEstimate":
+    def times_factor(self, factor: float) -> "ErrorEstimate":
         """Return the estimate in another unit."""
         return replace(
             self,
@@ -368,7 +368,7 @@ class TaskReference:
         fine = self.phases[0].reference_model
         if multiple > 1 and _RK4 not in (model.opt.integrator, fine.opt.integrator):
             rest = multiple / (multiple - 1)
-        return worst.scaled(rest)
+        return worst.times_factor(rest)
 
     def uncorrected_error(self, model: mujoco.MjModel, multiple: int) -> ErrorEstimate:
         """Return the same without the correction for the step of the reference."""

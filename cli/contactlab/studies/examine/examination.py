@@ -96,7 +96,7 @@ _NOT_JUDGED = {"contacts", "servos", "loop"}
 """Sections that need no verdict of the task."""
 _OF_RUNS = {"labels", "checks", "contacts"}
 SETTINGS = Settings(measures_time=True)
-# Shares of its time, after which no more fixes, and no more runs that verify a fix are begun.
+# Shares of its time. Later, no more fixes, and no more runs that verify a fix are begun.
 _FIXING, _VERIFYING = 0.7, 0.9
 _CHANGED = "changed"  # store of runs with a fix
 

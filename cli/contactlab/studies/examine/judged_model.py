@@ -1,4 +1,4 @@
-"""The task on which a model is judged, and the seeds and settings of its numerical error.
+"""The task that a model is judged on, and the seeds and settings of its numerical error.
 
 Every study that says how accurate a model is settles its task here, so that all print one number.
 """
@@ -15,9 +15,9 @@ from contactlab.studies.examine.engine_faults import MetFaults, find_met_faults
 from contactlab.tasks.checked_model import CheckedModel, open_model
 
 MAX_CPU = 60.0
-"""CPU within which an examination ends, its page included [s]."""
+"""CPU time of an examination at most, its page included [s]."""
 BUDGETING = 0.4
-"""Share of it, after which no more rows that judge nothing are begun."""
+"""Share of it; later, no more rows that judge nothing are begun."""
 
 
 class JudgedModel(NamedTuple):
@@ -70,10 +70,10 @@ def judge_as_examined(examined: CheckedModel) -> CheckedModel:
     """Return a model with the numerical error that `contactlab MODEL` prints, and no rows."""
     seconds = BUDGETING * MAX_CPU
 
-    def reopen(task: TaskOptions) -> CheckedModel:
+    def open_with_task(task: TaskOptions) -> CheckedModel:
         return open_model(examined.reference, examined.session, task, rows=(), seconds=seconds)
 
-    return settle_task(replace(examined, rows=(), seconds=seconds), reopen).examined
+    return settle_task(replace(examined, rows=(), seconds=seconds), open_with_task).examined
 
 
 def list_begins(examined: CheckedModel) -> list[float]:

@@ -89,7 +89,7 @@ def sentence_of(report: TuneReport) -> str:
 
 
 def _is_within_seeds(report: TuneReport) -> bool:
-    """Return whether the range of the recommended error over seeds has that as written."""
+    # Whether the range of the recommended error over seeds has the error as written.
     current = find_error(report)
     return current is not None and any(
         (point.error_low or 0.0) <= current <= (point.error_high or 0.0)

@@ -210,7 +210,7 @@ class TuningStudy:
         )
 
     def _find_error(self, evaluation: Evaluation) -> ErrorEstimate:
-        """Return the error of a candidate that is printed: if known, on all seeds of the task."""
+        # The numerical error if it is known, which is printed; otherwise that of the search.
         key, current = evaluation.configuration.key, self._search.current.key
         if self._request.error_at is None and key == current:
             return self._problem.current_error

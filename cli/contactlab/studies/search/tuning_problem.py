@@ -116,7 +116,7 @@ class ScaledError:
 
     def estimate_error(self, model: mujoco.MjModel, multiple: int) -> ErrorEstimate:
         """Return the scaled error."""
-        return self.estimator.estimate_error(model, multiple).scaled(self.scale)
+        return self.estimator.estimate_error(model, multiple).times_factor(self.scale)
 
 
 @dataclass(frozen=True)
@@ -268,7 +268,7 @@ class TuningProblem:
 
     @cached_property
     def _scale(self) -> float:
-        # Of errors from states of the reference, so that the model as written has its own one.
+        # It gives the model as written its numerical error.
         found = self.reference.estimate_error(self.model, self.reference.substeps).error
         own = self.current_error.error
         usable = math.isfinite(own) and math.isfinite(found)
@@ -301,13 +301,13 @@ class TuningProblem:
         """
         judged = self.judged
 
-        def change(own: mujoco.MjModel) -> mujoco.MjModel:
+        def replace_model(own: mujoco.MjModel) -> mujoco.MjModel:
             changed = self.as_run(model, own)
             set_timestep(changed, timestep)
             return changed
 
         task = judged.task.model_copy(update={"seeds": judged.task.seeds[:seeds]})
-        motions = judged.motions_of(task, {**judged.values, "timestep": timestep}, change)
+        motions = judged.motions_of(task, {**judged.values, "timestep": timestep}, replace_model)
         return ErrorEstimate.of_budget(self._measure_budget(motions, from_original=True))
 
     def judge_written(self, written: CheckedModel) -> tuple[ErrorEstimate, Verdict]:

@@ -501,7 +501,7 @@ class CandidateVerifier:
         return sentence if word == ACCURATE else f"{sentence}; {word}, like the model as written"
 
     def _judge_error(self, examined: CheckedModel, goal: Goal) -> tuple[ErrorEstimate, str, str]:
-        """Return the numerical error of a written candidate, its verdict, and why it fails."""
+        # Return the numerical error of a written candidate, its verdict, and why it fails.
         problem, tolerance = self._problem, self._examined.task.tolerance
         error, verdict = problem.judge_written(examined)
         now, now_word = problem.current_error, problem.judged.budget_verdict.word
