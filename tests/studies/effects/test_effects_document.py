@@ -31,6 +31,21 @@ def test_each_row_is_one_line_of_eighty_columns() -> None:
     assert all(len(line) <= 80 and "x0.12" in line for line in lines if line in rows)
 
 
+def test_a_time_within_its_noise_is_no_saving() -> None:
+    part: dict[str, Any] = {"kind": "geom", "error": 0.0, "body": "", "reason": "a safeguard"}
+    rows = [
+        PartEffect(name=name, verdict="below the tolerance", time_ratio=ratio, can_go=True, **part)
+        for name, ratio in (
+            ("noisy", TimeRatio.of(0.9, 0.79, 1.01)),
+            ("saving", TimeRatio.of(0.9, 0.88, 0.92)),
+        )
+    ]
+    report = effects().model_copy(update={"effects": tuple(rows)})
+    lines = render_text(describe_effects(report), 80).splitlines()
+    ends = {line.split()[1]: line.split()[-1] for line in lines if line.startswith("geom ")}
+    assert ends == {"noisy": "same", "saving": "x0.90"}
+
+
 def measure_part(error: float | None, **parts: Any) -> MeasuredPart:
     part = ModelPart("feature", "noslip", ModelEdits(), lambda _: None, exercised=True)
     estimate = None if error is None else ErrorEstimate(error, "", "", 0.0, error, error)

@@ -16,6 +16,7 @@ from contactlab.budget.motion import INTEGRATION
 from contactlab.errors import SceneError
 from contactlab.plan.task_options import read_task_options
 from contactlab.schema.effects_report import EffectsReport, PartEffect
+from contactlab.schema.time_ratio import TimeRatio
 from contactlab.studies.effects.effects_request import EffectsRequest
 from contactlab.studies.effects.effects_study import study_effects
 from contactlab.tasks.session import Session
@@ -235,3 +236,20 @@ def test_a_kept_part_stays(tmp_path: Path) -> None:
     assert {"cord3", "noslip"}.isdisjoint(report.smaller.left_out)
     with pytest.raises(SceneError, match="no feature or part 'cord99'"):
         study_effects(replace(request, keep=("cord99",)), Session(tmp_path / "other"))
+
+
+@pytest.mark.long
+def test_no_smaller_model_is_written_if_its_time_may_be_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "crank.xml").write_text(CRANK.format(noslip=10, tendons=TENDONS))
+    noisy = TimeRatio.of(0.9, 0.79, 1.01)
+    timed = "contactlab.studies.effects.smaller_model.SmallerSearch._time_whole_runs"
+    monkeypatch.setattr(timed, lambda *_: noisy)
+    task = read_task_options(drive="none", duration="0.05s")
+    report = study_effects(
+        EffectsRequest(str(tmp_path / "crank.xml"), task=task), Session(tmp_path / "out")
+    )
+    assert report.smaller is None
+    assert report.sentence == "No smaller model: no set of parts saves more than 3%"
+    assert not list((tmp_path / "out").rglob("*.xml"))
