@@ -459,19 +459,28 @@ class TuningStudy:
     def _choose_contenders(
         self, candidates: Sequence[Evaluation], marked: Sequence[Evaluation]
     ) -> tuple[list[Evaluation], int]:
-        # Return candidates to measure, and the number of seeds: all if work allows, or fewer
-        # candidates, then fewer seeds.
+        # Return candidates to measure, and the number of seeds. If the work does not allow all
+        # seeds, there are fewer candidates, then fewer that cost much, then fewer seeds.
         rules, limit = FrontRules(), self._search.front_limit
         all_seeds = len(self._problem.judged.task.seeds)
         keys = {one.configuration.key for one in marked}
-        for count in range(rules.contenders, len(marked), -2):
-            own = replace(rules, contenders=count)
-            contenders = choose_contenders(candidates, marked, limit, own)
+        others = list[Evaluation]()
+        for count in range(rules.contenders, rules.most - 1, -2):
+            contenders = choose_contenders(
+                candidates, marked, limit, replace(rules, contenders=count)
+            )
             others = [one for one in contenders if one.configuration.key not in keys]
-            seeds = self._affordable_seeds(others)
-            if seeds >= (all_seeds if count > rules.most else 1):
-                return contenders, min(seeds, all_seeds)
-        return list(marked), all_seeds
+            if self._affordable_seeds(others) >= all_seeds:
+                break
+        others.sort(key=lambda one: one.cost)
+        costly = 2.0  # work over that of the model as written; such a point is of little use
+        while others and (
+            (seeds := self._affordable_seeds(others)) < 1
+            or (seeds < all_seeds and others[-1].cost > costly)
+        ):
+            others.pop()
+            self._verifier.ending = "work"
+        return [*marked, *others], min(all_seeds, self._affordable_seeds(others))
 
     def _affordable_seeds(self, candidates: Sequence[Evaluation]) -> int:
         problem = self._problem
