@@ -12,6 +12,7 @@ import argparse
 import os
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
 
@@ -27,6 +28,21 @@ def command_seconds(tree: Path, words: list[str]) -> float:
     return cpu_of([sys.executable, "-m", "contactlab", *words], expected=(0, 1))
 
 
+def measure_rounds(
+    trees: Sequence[Path], words: list[str], rounds: int, folder: Path
+) -> list[list[float]]:
+    """Return the CPU times of a command by round, in each of the checkouts [s].
+
+    Words that end with `-o` get a new folder each time.
+    """
+    times = list[list[float]]()
+    for number in range(rounds):
+        outputs = [folder / f"{number}-{place}" for place in range(len(trees))]
+        lines = [[*words, *([str(output)] if words[-1] == "-o" else [])] for output in outputs]
+        times.append([command_seconds(*each) for each in zip(trees, lines, strict=True)])
+    return times
+
+
 def main() -> None:
     """Print a line for each command."""
     options = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -39,25 +55,18 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="contactlab-bench-") as name:
         store = str(Path(name) / "shown")
         command_seconds(HERE, ["sweep", "bounce", "-o", store])
-        number = 0
-        for label in ("--help", "lint", "show", "sweep bounce"):
-            rounds = list[list[float]]()
-            for _ in range(arguments.rounds):
-                number += 1
-                words = {
-                    "lint": ["lint", arguments.model],
-                    "show": ["show", store],
-                    "sweep bounce": ["sweep", "bounce", "-o"],
-                }.get(label, [label])
-                seconds = list[float]()
-                for place, tree in enumerate(trees):
-                    own = [str(Path(name) / f"{number}-{place}")] if words[-1] == "-o" else []
-                    seconds.append(command_seconds(tree, [*words, *own]))
-                rounds.append(seconds)
-            own = sorted(each[0] for each in rounds)
+        commands = {
+            "--help": ["--help"],
+            "lint": ["lint", arguments.model],
+            "show": ["show", store],
+            "sweep bounce": ["sweep", "bounce", "-o"],
+        }
+        for label, words in commands.items():
+            times = measure_rounds(trees, words, arguments.rounds, Path(name))
+            own = sorted(seconds[0] for seconds in times)
             line = f"{label:14}{median(own):7.3f} s ({own[0]:.3f}..{own[-1]:.3f})"
             if arguments.tree:
-                ratios = sorted(each[0] / each[1] for each in rounds)
+                ratios = sorted(seconds[0] / seconds[1] for seconds in times)
                 line += f"  ratio {median(ratios):.2f} ({ratios[0]:.2f}..{ratios[-1]:.2f})"
             print(line, flush=True)
 
