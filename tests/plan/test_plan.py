@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.plan.diagnostics import SweepMistakesError
-from contactlab.plan.grid import CONFIRM_ABOVE, Plan
+from contactlab.plan.grid import CONFIRM_ABOVE, Plan, find_expectations
 from contactlab.plan.overrides import Overrides
 from contactlab.plan.sweep_file import SweepFile
 from contactlab.plan.sweep_file import read_sweep as read_file
@@ -190,7 +190,7 @@ def test_expectations_are_those_whose_condition_holds(read: Reader) -> None:
         "  - {metrics: {penetration_max: {max: 1e-3}}}\n"
     ).plan
     met = [
-        [plan.sweep.expect.index(e) for e in plan.find_expectations(run)]
+        [plan.sweep.expect.index(e) for e in find_expectations(plan.expected, run.values)]
         for run in plan.iterate_runs()
     ]
     assert met == [[0, 2], [0, 1, 2], [2], [1, 2]]

@@ -217,6 +217,10 @@ class Row:
     seeds: Sequence[int]
 
 
+Expected = tuple[tuple[Match, Expectation], ...]
+"""Conditions of `expect`, each with its expectation."""
+
+
 @dataclass(frozen=True)
 class Plan:
     """The runs that a sweep file and the options of the command line define."""
@@ -226,8 +230,7 @@ class Plan:
     count: int
     warnings: tuple[Diagnostic, ...]  # mistakes that do not stop the sweep
     grid: Grid
-    expected: tuple[tuple[Match, Expectation], ...]
-    """Conditions of `expect`, each with its expectation."""
+    expected: Expected
 
     def iterate_rows(self) -> Iterator[Row]:
         """Yield the rows: the product in the order written, then included rows, then baselines."""
@@ -243,8 +246,7 @@ class Plan:
             for index, seed in enumerate(row.seeds, row.first):
                 yield Run(index, row.values, seed)
 
-    def find_expectations(self, run: Run) -> tuple[Expectation, ...]:
-        """Return the expectations that apply to a run."""
-        return tuple(
-            expectation for match, expectation in self.expected if match.is_met(run.values)
-        )
+
+def find_expectations(expected: Expected, values: Mapping[str, object]) -> list[Expectation]:
+    """Return the expectations that apply to a run with these settings."""
+    return [expectation for match, expectation in expected if match.is_met(values)]

@@ -22,6 +22,7 @@ from contactlab.engines import engine_of
 from contactlab.engines.engine import Rollout
 from contactlab.engines.rollout_trace import trajectory_hash
 from contactlab.measure import METRICS, AppliedLabel, Assessment
+from contactlab.plan.grid import find_expectations
 from contactlab.plugins import hash_of_packages
 from contactlab.resources import ADAPTERS
 from contactlab.run.git_commit import commit_of
@@ -71,9 +72,7 @@ class CommonFields:
         # Effects that its engine ignores are off.
         off = {name: EffectState(False, why) for name, why in engine.ignored(run).items()}
         effects = {name: off.get(name, effect) for name, effect in plan.prepared.effects.items()}
-        self.expectations = [
-            expectation for match, expectation in task.expected if match.is_met(run.axes)
-        ]
+        self.expectations = find_expectations(task.expected, run.axes)
         unused = {name: effect for name, effect in plan.prepared.effects.items() if not effect.on}
         self.left_out = {name for name, effect in unused.items() if effect.reason != NOT_IN_MODEL}
         self.fields: Fields = {
@@ -268,7 +267,7 @@ def _common_outcome_fields(
     labels: Sequence[AppliedLabel | LabelEntry],
 ) -> Fields:
     names, run = [entry.label for entry in labels], plan.run
-    expected, is_met, missed = judge_expectations(common.expectations, names, metrics)
+    expected, is_met, reason = judge_expectations(common.expectations, names, metrics)
     applied = plan.start.applied if plan.start.applied.any() else plan.start.applied[:, :0]
     parts = {
         "qpos": plan.start.qpos,
@@ -288,7 +287,7 @@ def _common_outcome_fields(
         "labels": labels,
         "expected": expected,
         "expectation_met": is_met,
-        "expectation_reason": missed,
+        "expectation_reason": reason,
         "tolerances_met": within_tolerances(task.sweep.tolerances, metrics),
     }
 

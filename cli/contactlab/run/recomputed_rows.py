@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.errors import ContactlabError
-from contactlab.plan.grid import Plan
+from contactlab.plan.grid import Plan, find_expectations
 from contactlab.run.run_verdicts import judge_expectations, within_tolerances
 from contactlab.run.stored_runs import canonical_values, differing_id_text
 from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import Accuracy
+from contactlab.schema.sweep_schema import Expectation
 from contactlab.store.finished_store import Store
 from contactlab.store.rows_by_configuration import RowGroups
 from contactlab.store.run_columns import select_rows
@@ -92,10 +93,10 @@ def _verdict_inputs(plan: Plan, names: Sequence[str]) -> list[str]:
 
 def _differing_verdicts(alike: RowGroups, scene: Scene, plan: Plan) -> Iterator[str]:
     """Yield the runs with a stored verdict that the sweep's expectations contradict."""
-    expected: list[list[Any]] = []
+    expected = list[list[Expectation]]()
     for first in alike.firsts if plan.expected else ():
         values = canonical_values(scene, alike.axes_of_row(first))
-        expected.append([each for match, each in plan.expected if match.is_met(values)])
+        expected.append(find_expectations(plan.expected, values))
     metric_values = alike.select_columns(_verdict_inputs(plan, alike.names))
     verdicts = alike.select_columns(_VERDICT_COLUMNS)
     for run, group, numbers, stored_verdict in zip(

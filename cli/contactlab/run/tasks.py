@@ -12,13 +12,13 @@ from typing import Any, Literal, NamedTuple, Protocol
 
 from contactlab.accuracy.discretization import Note
 from contactlab.errors import StoppedError
-from contactlab.plan.grid import Match
+from contactlab.plan.grid import Expected
 from contactlab.plugins import Plugin
 from contactlab.registry import registry_fillers
 from contactlab.scene.drive.located_drive import LocatedDrive
 from contactlab.scene.run_spec import RunSpec
 from contactlab.schema.evidence import Provenance, SweepIdentity
-from contactlab.schema.sweep_schema import Expectation, Sweep
+from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.store_files import Address
 
 
@@ -52,8 +52,7 @@ class Task:
     """Data that all jobs of a sweep share; sent to a worker once."""
 
     sweep: Sweep
-    # Conditions, each with the expectation of the runs that it selects.
-    expected: tuple[tuple[Match, Expectation], ...]
+    expected: Expected
     identity: SweepIdentity
     store: Address
     scene_folder: Path  # the store's copy of the scene, on the machine that runs the sweep
