@@ -29,8 +29,10 @@ def find_unread_model(linted: LintedModel) -> Iterator[Fault]:
     if linted.refused:
         # The first of several lines names the file; of one line, its beginning does.
         first, *lines = (line.strip() for line in linted.refused.splitlines())
-        told = [line for line in lines if line] or [first.removeprefix(f"{linted.source.model}: ")]
-        yield Fault("; ".join(told), linted.refused_at)
+        messages = [line for line in lines if line] or [
+            first.removeprefix(f"{linted.source.model}: ")
+        ]
+        yield Fault("; ".join(messages), linted.refused_at)
 
 
 @rule("deprecated", "warn", of_refused=True)
@@ -45,7 +47,7 @@ def find_engine_warnings(linted: LintedModel) -> Iterator[Fault]:
         words = set(re.findall(r"\w+", text))
         named = (
             linted.place_at(origin)
-            for element, origin in linted.tags()
+            for element, origin in linted.tags
             if element.tag in words and words & element.attrib.keys()
         )
         yield Fault("; ".join(line for line in lines if line), next(named, None))
@@ -57,7 +59,7 @@ def find_legacy_attributes(linted: LintedModel) -> Iterator[Fault]:
 
     `njmax`, `nconmax`, `nstack`, `directional`. Fix: leave it out.
     """
-    for element, origin in linted.tags():
+    for element, origin in linted.tags:
         for name, instead in _LEGACY.get(element.tag, {}).items():
             if name in element.attrib:
                 message = f"{name} of <{element.tag}> is for old files only; write {instead}"
@@ -70,7 +72,7 @@ def find_absolute_paths(linted: LintedModel) -> Iterator[Fault]:
 
     Fix: the path relative to the model.
     """
-    for element, origin in linted.tags():
+    for element, origin in linted.tags:
         for key in (*_FILES, "meshdir", "texturedir", "assetdir"):
             path = Path(element.get(key, ""))
             if path.is_absolute():
@@ -88,7 +90,7 @@ def find_unresolved_resources(linted: LintedModel) -> Iterator[Fault]:
     """
     named = [
         (element.get(key, ""), origin)
-        for element, origin in linted.tags()
+        for element, origin in linted.tags
         for key in _FILES
         if _RESOURCE.match(element.get(key, ""))
     ]

@@ -3,7 +3,7 @@
 import re
 import warnings
 import xml.etree.ElementTree as ET
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -170,7 +170,7 @@ class LintedModel:
 
         MuJoCo completes those of attached models, so these are not judged.
         """
-        if self.is_urdf or any(element.tag in _ATTACHING for element, _ in self.tags()):
+        if self.is_urdf or any(element.tag in _ATTACHING for element, _ in self.tags):
             return {}
         model = self.model
         sizes = {
@@ -182,7 +182,7 @@ class LintedModel:
             "mquat": 4 * model.nmocap,
         }
         keyframes = dict[str, ShortKeyframe]()
-        for element, origin in self.tags():
+        for element, origin in self.tags:
             if element.tag != _UNLINED:
                 continue
             for attribute, size in sizes.items():
@@ -279,11 +279,14 @@ class LintedModel:
         """Elements of all model files, with their paths and attributes."""
         return [element for root in self._file_roots.values() for element in list_elements(root)]
 
-    def tags(self) -> Iterator[tuple[ET.Element, Origin]]:
-        """Yield every element of the scene's files as written, with its origin."""
-        for file, root in self._file_roots.items():
-            for place, element in enumerate(root.iter()):
-                yield element, (file, place)
+    @cached_property
+    def tags(self) -> Sequence[tuple[ET.Element, Origin]]:
+        """Every element of the scene's files as written, with its origin."""
+        return [
+            (element, (file, place))
+            for file, root in self._file_roots.items()
+            for place, element in enumerate(root.iter())
+        ]
 
 
 def edited(faults: Iterator[Fault]) -> Mapping[Path, bytes]:

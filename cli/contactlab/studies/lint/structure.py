@@ -35,7 +35,7 @@ def find_missing_actuators(linted: LintedModel) -> Iterator[Fault]:
     meant = next(
         (
             child
-            for element, _ in linted.tags()
+            for element, _ in linted.tags
             if element.tag == "default"
             for child in element
             if child.tag in kinds and child.attrib
