@@ -136,19 +136,15 @@ def _load_distribution(distribution: Distribution) -> Plugin:
         return _require_same(plugin)
     with _guard_loading(plugin.name):
         for entry in _entry_points(distribution):
-            _add_entry(GROUPS[entry.group], entry.load())
+            entry_object = entry.load()
+            registry = REGISTRIES[GROUPS[entry.group]]
+            if isinstance(entry_object, type):
+                if not any(type(registered) is entry_object for registered in registry.values()):
+                    registry.add(entry_object())
+            elif isinstance(entry_object, NamedEntry) and not isinstance(entry_object, ModuleType):
+                registry.add(entry_object)
     _loaded[plugin.name] = plugin
     return plugin
-
-
-def _add_entry(kind: str, entry: object) -> None:
-    """Add an entry that was not registered when its module was imported."""
-    registry = REGISTRIES[kind]
-    if isinstance(entry, type):
-        if not any(type(registered) is entry for registered in registry.values()):
-            registry.add(entry())
-    elif isinstance(entry, NamedEntry) and not isinstance(entry, ModuleType):
-        registry.add(entry)
 
 
 def _load_file(file: Path) -> Plugin:
@@ -174,13 +170,13 @@ def _load_file(file: Path) -> Plugin:
 
 
 def _require_same(plugin: Plugin) -> Plugin:
-    loaded = _loaded[plugin.name]
-    if loaded.sha256 != plugin.sha256:
+    loaded_plugin = _loaded[plugin.name]
+    if loaded_plugin.sha256 != plugin.sha256:
         raise PluginError(
             f"another plug-in named {plugin.name} is loaded already, or it changed since; "
             "rename one, or start Python again"
         )
-    return loaded
+    return loaded_plugin
 
 
 @contextmanager

@@ -344,9 +344,14 @@ def _named_parts(model: mujoco.MjModel, reason: BudgetReason) -> Iterator[tuple[
     """Yield fields and rows of the parts that a reason names."""
     kind, _, name = reason.place.partition(" ")
     if kind == "contact":
-        yield from _list_touching_geoms(
-            model, {find_id(model, "body", body) for body in name.split(" - ")}
-        )
+        bodies = {find_id(model, "body", body) for body in name.split(" - ")}
+        for geom in _used_rows(model, "geom_solref"):
+            if int(model.geom_bodyid[geom]) in bodies:
+                yield "geom_solref", geom
+        geoms = np.stack([model.pair_geom1, model.pair_geom2], axis=1)
+        for pair, both in enumerate(model.geom_bodyid[geoms]):
+            if set(map(int, both)) == bodies:
+                yield "pair_solref", pair
         return
     for field in _find_soft_fields(reason.row):
         yield from (
@@ -354,17 +359,6 @@ def _named_parts(model: mujoco.MjModel, reason: BudgetReason) -> Iterator[tuple[
             for row in _used_rows(model, field)
             if _name_part(model, field, row) == reason.place
         )
-
-
-def _list_touching_geoms(model: mujoco.MjModel, bodies: set[int]) -> Iterator[tuple[str, int]]:
-    """Yield geoms of bodies, and pairs of two of them."""
-    for geom in _used_rows(model, "geom_solref"):
-        if int(model.geom_bodyid[geom]) in bodies:
-            yield "geom_solref", geom
-    geoms = np.stack([model.pair_geom1, model.pair_geom2], axis=1)
-    for pair, both in enumerate(model.geom_bodyid[geoms]):
-        if set(map(int, both)) == bodies:
-            yield "pair_solref", pair
 
 
 def _name_part(model: mujoco.MjModel, field: str, row: int) -> str:

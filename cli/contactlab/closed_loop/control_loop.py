@@ -330,7 +330,10 @@ def find_modes(loop: ControlLoop, times: Floats) -> tuple[float, int]:
         period_count += periods
         values, shapes = np.linalg.eig(rows.linearize_period())
         energies = np.abs(shapes[loop.model.nv : 2 * loop.model.nv]) ** 2
-        energies *= _dof_inertia(rows)[:, None]
+        mass = np.empty((rows.model.nv, rows.model.nv))
+        for row, unit in zip(mass, np.eye(rows.model.nv), strict=True):
+            mujoco.mj_mulM(rows.model, rows.data[0], row, unit)
+        energies *= np.diag(mass)[:, None]
         # The loop has modes of the robot and of controls, not those of objects alone.
         of_robot = energies[loop.robot_dofs].sum(axis=0) >= 1e-3 * energies.sum(axis=0)
         place = int(np.where(of_robot, np.abs(values), 0.0).argmax())
@@ -338,13 +341,6 @@ def find_modes(loop: ControlLoop, times: Floats) -> tuple[float, int]:
         if rate > worst:
             worst, dof = rate, int(energies[:, place].argmax())
     return worst, dof
-
-
-def _dof_inertia(rows: LoopRows) -> Floats:
-    model, mass = rows.model, np.empty((rows.model.nv, rows.model.nv))
-    for row, unit in zip(mass, np.eye(model.nv), strict=True):
-        mujoco.mj_mulM(model, rows.data[0], row, unit)
-    return np.diag(mass)
 
 
 def simulate_growth(loop: ControlLoop, seconds: float) -> float:

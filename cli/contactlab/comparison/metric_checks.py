@@ -129,7 +129,11 @@ class MetricPairs:
             statistic = aggregate_values(rule, before, after)
             verdict = judge_changes(rule, *statistic)
             all_verdicts = np.concatenate([all_verdicts, verdict])
-            parts.insert(0, _format_statistic(rule, verdict, *statistic, subject.unit))
+            (old,), (new,) = statistic
+            change = f"{rule.statistic} {value_change(old, new, subject.unit)}"
+            change = f"median ratio {new:.3g}" if rule.statistic == "ratio" else change
+            change += "" if verdict[0] == SAME else f", {NAMES[int(verdict[0])]}"
+            parts.insert(0, f"{change} (within {format_percent(rule.rel)})")
         return subject.finding(
             all_verdicts, "; ".join(parts), self._find_worst(rule, verdicts), judged_count=runs
         )
@@ -215,15 +219,6 @@ def _format_counts(verdicts: Verdicts, total: int) -> str:
     parts = [(counts[name], word) for name, word in _WORDS.items() if name in counts]
     first = [f"{out_of(count, total)} {word}" for count, word in parts[:1]]
     return ", ".join([*first, *(f"{count:,} {word}" for count, word in parts[1:])])
-
-
-def _format_statistic(
-    rule: EffectiveRule, verdict: Verdicts, before: Floats, after: Floats, unit: str
-) -> str:
-    result = "" if verdict[0] == SAME else f", {NAMES[int(verdict[0])]}"
-    is_ratio, change = rule.statistic == "ratio", value_change(before[0], after[0], unit)
-    statistic_text = f"median ratio {after[0]:.3g}" if is_ratio else f"{rule.statistic} {change}"
-    return f"{statistic_text}{result} (within {format_percent(rule.rel)})"
 
 
 def _finite_value(column: NumberColumn, index: int) -> Value:

@@ -48,7 +48,18 @@ def explain_no_effect(axes: Iterable[str], quantities: Collection[str]) -> str:
 def _report_facts(compared: ComparisonReport) -> Iterator[tuple[str, str]]:
     if compared.baseline is None or compared.candidate is None:
         return
-    yield from _change_facts(compared)
+    # Changes of the model, the settings and the engine come before their consequences.
+    most_shown = 4
+    shown_changes = compared.model_changes[:most_shown]
+    for place, change in enumerate(shown_changes):
+        yield "" if place else "changed", change
+    if more := len(compared.model_changes) - len(shown_changes):
+        one, other = (store.store for store in (compared.baseline, compared.candidate) if store)
+        yield "", f"and {more} more: contactlab diff {one} {other}"
+    for difference in compared.differences:
+        if difference.what not in ("scene_hash", "cpu_model", "cpu_flags"):
+            change = f"{difference.baseline} -> {difference.candidate}"
+            yield f"{difference.what}", change
     if compared.baseline.physics == compared.candidate.physics:
         yield "physics", "the same in all runs"
     yield "baseline", _store_summary(compared.baseline)
@@ -65,21 +76,6 @@ def _report_facts(compared: ComparisonReport) -> Iterator[tuple[str, str]]:
             yield "outcomes", f"{finding.name}: {finding.message}"
         if finding.outcome == "passed" and finding.name.startswith(REMEASURED):
             yield "time", f"{finding.name}: {finding.message}"
-
-
-def _change_facts(compared: ComparisonReport) -> Iterator[tuple[str, str]]:
-    # Changes of the model, the settings and the engine come before their consequences.
-    most_shown = 4
-    shown_changes = compared.model_changes[:most_shown]
-    for place, change in enumerate(shown_changes):
-        yield "" if place else "changed", change
-    if more := len(compared.model_changes) - len(shown_changes):
-        one, other = (store.store for store in (compared.baseline, compared.candidate) if store)
-        yield "", f"and {more} more: contactlab diff {one} {other}"
-    for difference in compared.differences:
-        if difference.what not in ("scene_hash", "cpu_model", "cpu_flags"):
-            change = f"{difference.baseline} -> {difference.candidate}"
-            yield f"{difference.what}", change
 
 
 def _run_summary(compared: ComparisonReport) -> str:

@@ -13,7 +13,6 @@ from contactlab.comparison.judged_share import unless_unjudged
 from contactlab.comparison.metric_checks import explain_incomparable
 from contactlab.comparison.pairing import PairedStores, group_pairs
 from contactlab.comparison.run_checks import PairLabels
-from contactlab.contact.trace_arrays import Floats
 from contactlab.judge.policies import EffectiveRule, effective_rule, kind_of
 from contactlab.judge.subjects import BETTER, CHANGED, MISSING, SAME, WORSE, Mask, Subject
 from contactlab.judge.wording import format_change, out_of, plural
@@ -80,8 +79,8 @@ def spread_metric_checks(paired: PairedStores) -> Iterator[Finding]:
         **paired.candidate.columns.metric_columns,
         **paired.baseline.columns.metric_columns,
     }
-    valued = sum(paired.read_numbers(name)[1].valid.any() for name in metric_columns)
-    sure = _sure_of_each(int(valued))
+    count = sum(paired.read_numbers(name)[1].valid.any() for name in metric_columns)
+    sure = _sure_of_each(int(count))
     for metric in metric_columns.values():
         rule = effective_rule(metric, paired.policy)
         reason = explain_incomparable(paired, metric, rule)
@@ -128,7 +127,21 @@ def spread_finding(
             MISSING, f"{out_of(lost_count, pairs)} without a value now", judged_count=pairs
         )
     both = before.valid & after.valid
-    tolerances, shares = _find_changes(rule, before.values[both], after.values[both])
+    old_values, new_values = before.values[both], after.values[both]
+    # Changes for the worse, in tolerances and as shares of the baseline's value; of the candidate's
+    # if that is 0. A value that is not finite is worse than any other.
+    sign = -1.0 if rule.better == "higher" else 1.0
+    with np.errstate(all="ignore"):
+        change = np.where(old_values == new_values, 0.0, new_values - old_values)
+        size = np.where(old_values == 0, np.abs(new_values), np.abs(old_values))
+        shares = np.where(change == 0, 0.0, change / size)
+        tolerances = sign * change / rule.limit.allow_change(old_values)
+    lost, is_finite = ~np.isfinite(new_values), np.isfinite(old_values)
+    tolerances = np.where(
+        lost & is_finite, np.inf, np.where(~lost & ~is_finite, -np.inf, tolerances)
+    )
+    tolerances = np.nan_to_num(tolerances, nan=0.0, posinf=np.inf, neginf=-np.inf)
+    shares = np.nan_to_num(shares)
     if not len(tolerances):
         return subject.single(SAME, "no pair has two values", judged_count=pairs)
     low, high = median_interval(tolerances.tolist(), sure)
@@ -155,22 +168,3 @@ def spread_finding(
 
 def _share_text(share: float) -> str:
     return f"{share:+.1%}" if abs(share) < 1e3 else "to a thousandfold or more"
-
-
-def _find_changes(rule: EffectiveRule, before: Floats, after: Floats) -> tuple[Floats, Floats]:
-    """Return (n,) the changes for the worse, in tolerances and as shares of the baseline's value.
-
-    For a baseline of 0 they are shares of the candidate's. A value that is not finite is worse than
-    any other.
-    """
-    sign = -1.0 if rule.better == "higher" else 1.0
-    with np.errstate(all="ignore"):
-        change = np.where(before == after, 0.0, after - before)
-        size = np.where(before == 0, np.abs(after), np.abs(before))
-        shares = np.where(change == 0, 0.0, change / size)
-        tolerances = sign * change / rule.limit.allow_change(before)
-    lost, is_finite = ~np.isfinite(after), np.isfinite(before)
-    tolerances = np.where(
-        lost & is_finite, np.inf, np.where(~lost & ~is_finite, -np.inf, tolerances)
-    )
-    return np.nan_to_num(tolerances, nan=0.0, posinf=np.inf, neginf=-np.inf), np.nan_to_num(shares)

@@ -174,7 +174,29 @@ class AdaptedEngine(SimulationEngine):
         **more: float,
     ) -> dict[str, Any] | str:
         """Return the answer of the adapter's function for runs, or an error message."""
-        request = {"operation": operation, "device": self._device, **more, **_encode_request(runs)}
+        starts, places = runs.starts, runs.starts.driven_inputs
+        steps = np.arange(runs.steps)
+        width = sum(inputs.shape[1] for inputs in (starts.ctrl, starts.applied, starts.mocap))
+        levels = [
+            starts.input_rows(run, model.opt.timestep, steps, width)[:, places]
+            for run, model in enumerate(runs.models)
+        ]
+        arrays = ("qpos", "qvel", "ctrl", "applied", "act", "mocap")
+        # Models go as MuJoCo's binaries; runs of one model share one.
+        binaries = {
+            id(model): _model_binary(model)
+            for model in {id(shared): shared for shared in runs.models}.values()
+        }
+        request = {
+            "operation": operation,
+            "device": self._device,
+            **more,
+            "models": [binaries[id(model)] for model in runs.models],
+            "steps": runs.steps,
+            "places": places,
+            "levels": np.array(levels),
+            **{name: getattr(starts, name) for name in arrays},
+        }
         return self._process.ask(request, watch)
 
     @cached_property
@@ -234,29 +256,6 @@ def _end_process(process: subprocess.Popen[bytes]) -> int:
         return process.wait(1)
     process.kill()
     return process.wait()
-
-
-def _encode_request(runs: PreparedRuns) -> Mapping[str, object]:
-    """Return n runs of N steps as arrays: models as MuJoCo's binaries, starts, and inputs."""
-    starts, places = runs.starts, runs.starts.driven_inputs
-    steps = np.arange(runs.steps)
-    width = sum(inputs.shape[1] for inputs in (starts.ctrl, starts.applied, starts.mocap))
-    levels = [
-        starts.input_rows(run, model.opt.timestep, steps, width)[:, places]
-        for run, model in enumerate(runs.models)
-    ]
-    arrays = ("qpos", "qvel", "ctrl", "applied", "act", "mocap")
-    # Runs of one model share one binary.
-    binaries = {
-        id(model): _model_binary(model)
-        for model in {id(shared): shared for shared in runs.models}.values()
-    }
-    return {
-        "models": [binaries[id(model)] for model in runs.models],
-        "steps": runs.steps,
-        "places": places,
-        "levels": np.array(levels),
-    } | {name: getattr(starts, name) for name in arrays}
 
 
 def _model_binary(model: mujoco.MjModel) -> bytes:

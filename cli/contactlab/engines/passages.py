@@ -72,7 +72,20 @@ class Passages:
             > _LIMITS.least_motion * self._thinnest
         ):
             acting = starts.input_rows(run, model.opt.timestep, np.arange(len(states) - 1))
-            position, rotation, vertices = _body_poses(model, states[:-1, 1:positions], acting)
+            path = states[:-1, 1:positions]
+            data, steps = mujoco.MjData(model), len(path)
+            # The poses of bodies, and the vertices of flexes, at the begin of each step.
+            position = np.empty((steps, model.nbody, 3))
+            rotation = np.empty((steps, model.nbody, 4))
+            vertices = np.empty((steps, model.nflexvert, 3))
+            for step, data.qpos[:] in enumerate(path):
+                if model.nmocap:
+                    apply_inputs(model, data, acting[step])
+                mujoco.mj_kinematics(model, data)
+                position[step], rotation[step] = data.xpos, data.xquat
+                if model.nflex:
+                    mujoco.mj_flex(model, data)
+                    vertices[step] = data.flexvert_xpos
             # The largest rotation of each body in each step [rad].
             cosine = np.abs((rotation[1:] * rotation[:-1]).sum(axis=2))
             turned = 2 * np.arccos(np.minimum(cosine, 1))
@@ -281,24 +294,6 @@ def _reach_of_steps(model: mujoco.MjModel) -> _ReachOfSteps:
     return _ReachOfSteps(thinnest, _motion_lengths(model), reaches, (first, second), least)
 
 
-def _body_poses(
-    model: mujoco.MjModel, path: Floats, acting: Floats
-) -> tuple[Floats, Floats, Floats]:
-    """Return (N, nbody, 3) and (N, nbody, 4) poses, and (N, nflexvert, 3) vertices of flexes."""
-    data, steps = mujoco.MjData(model), len(path)
-    position, rotation = np.empty((steps, model.nbody, 3)), np.empty((steps, model.nbody, 4))
-    vertices = np.empty((steps, model.nflexvert, 3))
-    for step, data.qpos[:] in enumerate(path):
-        if model.nmocap:
-            apply_inputs(model, data, acting[step])
-        mujoco.mj_kinematics(model, data)
-        position[step], rotation[step] = data.xpos, data.xquat
-        if model.nflex:
-            mujoco.mj_flex(model, data)
-            vertices[step] = data.flexvert_xpos
-    return position, rotation, vertices
-
-
 def _passages_through_flexes(
     model: mujoco.MjModel, position: Floats, rotation: Floats, vertices: Floats
 ) -> Iterator[Passage]:
@@ -453,11 +448,14 @@ class _PassableGeom:
             return False
         if self._kind == _HFIELD_TYPE and self._depth_below(end) > self._size:
             return True
-        entered, exit_distance = (
+        entry_distance, exit_distance = (
             self._ray_distance(begin, end - begin),
             self._ray_distance(end, begin - end),
         )
-        return min(entered, exit_distance) >= 0 and entered + exit_distance < 1 - SUM_ROUNDING
+        return (
+            min(entry_distance, exit_distance) >= 0
+            and entry_distance + exit_distance < 1 - SUM_ROUNDING
+        )
 
     def _depth_below(self, point: Floats) -> float:
         """Return the depth of a point beneath a height field [m]; negative if it is above."""

@@ -131,8 +131,20 @@ class LiveRuns:
             return LiveRun(record, variant, motion, why=why)
         sliders = tuple(self._axis_sliders(record, axes, variant, controls))
         switches = (*self._change_switches(record, axes, controls), *self._budget_switches(variant))
-        notes = tuple(_run_notes(record, motion))
-        return LiveRun(record, variant, motion, sliders, switches, notes)
+        notes = list[str]()
+        if record.engine.name == LOOP_ENGINE:
+            notes.append(
+                "A loop made this run: its controls are replayed, but not other actions of its "
+                "code."
+            )
+        if record.status != "ok":
+            reason = record.status_reason or record.status
+            notes.append(f"The run ended after {record.steps} steps: {reason}.")
+        if motion is None:
+            notes.append(
+                "No trace is stored, and the run is not reproducible here, so there is no ghost."
+            )
+        return LiveRun(record, variant, motion, sliders, switches, tuple(notes))
 
     def _add_variant(self, resolved: RunSpec, start: InitialStates, text: str = "") -> Variant:
         key = repr((dict(resolved.structure), sorted(resolved.without)))
@@ -238,12 +250,3 @@ def _impossible_reason(record: EvidenceRecord, model: mujoco.MjModel) -> str:
     if record.engine.name not in {MODEL_ENGINE, LOOP_ENGINE}:
         return f"the engine '{record.engine.name}' computed it, which browsers lack"
     return ""
-
-
-def _run_notes(record: EvidenceRecord, motion: StoredMotion | None) -> Iterator[str]:
-    if record.engine.name == LOOP_ENGINE:
-        yield "A loop made this run: its controls are replayed, but not other actions of its code."
-    if record.status != "ok":
-        yield f"The run ended after {record.steps} steps: {record.status_reason or record.status}."
-    if motion is None:
-        yield "No trace is stored, and the run is not reproducible here, so there is no ghost."

@@ -135,7 +135,12 @@ class Player:
         """Reset the environment with a run's model and seed; return its observation."""
         if self._env is None:
             self._env = self._make()
-        base, planned_model = self._scene.base({}).model, _environment_model(plan)
+        # Environments see the step as written, and keep their control rate.
+        planned_model, rate = plan.prepared.model, _step_rate(plan)
+        if rate > 1:
+            planned_model = copy.copy(planned_model)
+            planned_model.opt.timestep *= rate
+        base = self._scene.base({}).model
         if self._edited is None or self._edited[0] is not plan.prepared:
             self._edited = plan.prepared, frozenset(changed_fields(base, planned_model))
         model, data = find_simulation(unwrap_environment(self._env))
@@ -190,15 +195,6 @@ class Player:
             fields["total_reward"] = total
             if (success := read_success(env, info)) is not None:
                 fields["success"] = success
-
-
-def _environment_model(plan: PlannedModel) -> mujoco.MjModel:
-    # Environments see the step as written, and keep their control rate.
-    model, rate = plan.prepared.model, _step_rate(plan)
-    if rate > 1:
-        model = copy.copy(model)
-        model.opt.timestep *= rate
-    return model
 
 
 def _step_rate(plan: PlannedModel) -> int:
@@ -263,8 +259,10 @@ class _StepCounter:
 
     def _check_time(self, time: float) -> None:
         if self._time is not None and time != self._time:
-            missed = time > self._time
-            raise _CutError("the data was stepped without the recording" if missed else _RESET_TEXT)
+            has_missed_steps = time > self._time
+            raise _CutError(
+                "the data was stepped without the recording" if has_missed_steps else _RESET_TEXT
+            )
 
 
 class _EpisodeListener(Listener):
@@ -422,10 +420,10 @@ class _StateActor:
         data = self._data
         parts = (data.qpos, data.qvel, data.sensordata)
         parts = (np.array(time), *(self._noise(parts) if self._noise else parts))
-        returned = np.asarray(self._policy(*(part.copy()[None] for part in parts)))
-        if returned.ndim == 0 or len(returned) != 1 or not np.isfinite(returned).all():
+        answer = np.asarray(self._policy(*(part.copy()[None] for part in parts)))
+        if answer.ndim == 0 or len(answer) != 1 or not np.isfinite(answer).all():
             raise FailureError(
-                f"the policy returned {returned.tolist()} at {time:g} s; an action is one row "
+                f"the policy returned {answer.tolist()} at {time:g} s; an action is one row "
                 "of finite numbers"
             )
-        return returned[0]
+        return answer[0]

@@ -170,7 +170,19 @@ def _reduce_steps(
     columns: _SlotColumns, contacts: NDArray[np.int32], cone: _Cone, alone: Floats
 ) -> tuple[Floats, ...]:
     """Return the series (T,) of steps; `alone` (S, T) are norms of single tangential forces."""
-    normal, tangential, friction_use, slip = _sum_slots(columns, cone)
+    # Sums over slots are in the first contact's frame or, if frames differ, in the world's.
+    normal, force = columns.normal.sum(axis=0), columns.force.sum(axis=0)
+    impulse = (columns.velocity * columns.normal).sum(axis=0)
+    sums = np.stack((_complex_modulus(force), cone.norm(force), _complex_modulus(impulse)))
+    frame = columns.frame
+    if frame is not None:
+        differ = (frame[:, 1:] != frame[:, :1]).any(axis=(0, 1))
+        steps = np.flatnonzero(differ)
+        if len(steps):
+            sums[:, steps] = _sum_in_world(columns, frame[:, :, steps], cone, steps)
+    tangential, friction_use, impulse = sums
+    # The mean slip velocity [m/s], weighted by normal force.
+    slip = impulse / np.where(normal > 0, normal, np.inf)
     bound = cone.friction * normal
     spin, along, across = columns.turning
     # The filled slots come first.
@@ -210,26 +222,6 @@ def _find_worst(
         distance.max(initial=0),
         standoff,
     )
-
-
-def _sum_slots(columns: _SlotColumns, cone: _Cone) -> tuple[Floats, Floats, Floats, Floats]:
-    """Sum the slots of steps, in the first contact's frame or, if frames differ, in the world's.
-
-    Returns (T,) normal and tangential force, the latter in the cone's norm, and mean slip velocity
-    [m/s] weighted by normal force.
-    """
-    normal, force = columns.normal.sum(axis=0), columns.force.sum(axis=0)
-    impulse = (columns.velocity * columns.normal).sum(axis=0)
-    sums = np.stack((_complex_modulus(force), cone.norm(force), _complex_modulus(impulse)))
-    frame = columns.frame
-    if frame is not None:
-        differ = (frame[:, 1:] != frame[:, :1]).any(axis=(0, 1))
-        steps = np.flatnonzero(differ)
-        if len(steps):
-            sums[:, steps] = _sum_in_world(columns, frame[:, :, steps], cone, steps)
-    tangential, friction_use, impulse = sums
-    slip = impulse / np.where(normal > 0, normal, np.inf)
-    return normal, tangential, friction_use, slip
 
 
 def _sum_in_world(

@@ -70,7 +70,20 @@ def engine_parts(data: ReportData, parity: Path | None) -> EngineParts | None:
     if report is None and len(codes) < 2:
         return None
     gate = _gate_of_report(report) if report else _gate_of_store(data, codes)
-    return EngineParts(list(_measure_costs(data, codes)), list(gate), report)
+    engine_costs = list[EngineCost]()
+    columns, failed = data.store.columns, data.labels.failed
+    versions, seconds = columns.coded("engine_version"), columns.numbers("cost_cpu_per_sim_s")[0]
+    first = math.nan
+    for engine_name, own_rows in codes.items():
+        costs = seconds[own_rows][np.isfinite(seconds[own_rows])]
+        cost = float(np.median(costs)) if len(costs) else math.nan
+        first = cost if math.isnan(first) else first
+        version = versions.values[versions.codes[own_rows[0]]]
+        stable = len(own_rows) - int(failed[own_rows].sum())
+        engine_costs.append(
+            EngineCost(engine_name, version, len(own_rows), stable, cost, cost / first)
+        )
+    return EngineParts(engine_costs, list(gate), report)
 
 
 def _read_parity(path: Path, data: ReportData) -> ParityReport:
@@ -86,19 +99,6 @@ def _read_parity(path: Path, data: ReportData) -> ParityReport:
     if report.scene != scene:
         raise StoreError(f"{path} is of {report.scene}, the store of {scene}")
     return report
-
-
-def _measure_costs(data: ReportData, rows: dict[str, Codes]) -> Iterator[EngineCost]:
-    columns, failed = data.store.columns, data.labels.failed
-    versions, values = columns.coded("engine_version"), columns.numbers("cost_cpu_per_sim_s")[0]
-    first = math.nan
-    for name, own in rows.items():
-        costs = values[own][np.isfinite(values[own])]
-        cost = float(np.median(costs)) if len(costs) else math.nan
-        first = cost if math.isnan(first) else first
-        version = versions.values[versions.codes[own[0]]]
-        stable = len(own) - int(failed[own].sum())
-        yield EngineCost(name, version, len(own), stable, cost, cost / first)
 
 
 def _gate_of_store(data: ReportData, rows: dict[str, Codes]) -> Iterator[GateRow]:

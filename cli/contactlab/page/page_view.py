@@ -513,7 +513,20 @@ def effects_view(data: ReportData) -> EffectsView | None:
 
 def expectations_view(store: Store) -> ExpectationsView | None:
     """Return expectations and the first runs that do not meet theirs; None without expectations."""
-    rows = list(_expectation_rows(store.manifest))
+    rows = list[tuple[str, str, str]]()
+    sweep = stored_sweep(store.manifest.sweep)
+    for expectation in sweep.expect:
+        conditions = [f"{name} = {value}" for name, value in expectation.where.settings.items()]
+        conditions += [expectation.where.where] if expectation.where.where else []
+        expected = [" or ".join(expectation.label)] if expectation.label else []
+        expected += [_format_bounds(name, bounds) for name, bounds in expectation.metrics.items()]
+        expected += [
+            _format_bounds(f"mean {name}", bounds) for name, bounds in expectation.mean.items()
+        ]
+        expected += expectation.must
+        rows.append(
+            (", ".join(conditions) or "all runs", "; ".join(expected), expectation.reason or "")
+        )
     if not rows:
         return None
     unexpected = list[tuple[str, str, str]]()
@@ -525,20 +538,6 @@ def expectations_view(store: Store) -> ExpectationsView | None:
         ):
             unexpected.append((row["run_id"], row["label"], row["expectation_reason"] or ""))
     return ExpectationsView(rows, unexpected)
-
-
-def _expectation_rows(manifest: StoreManifest) -> Iterator[tuple[str, str, str]]:
-    sweep = stored_sweep(manifest.sweep)
-    for expectation in sweep.expect:
-        conditions = [f"{name} = {value}" for name, value in expectation.where.settings.items()]
-        conditions += [expectation.where.where] if expectation.where.where else []
-        expected = [" or ".join(expectation.label)] if expectation.label else []
-        expected += [_format_bounds(name, bounds) for name, bounds in expectation.metrics.items()]
-        expected += [
-            _format_bounds(f"mean {name}", bounds) for name, bounds in expectation.mean.items()
-        ]
-        expected += expectation.must
-        yield ", ".join(conditions) or "all runs", "; ".join(expected), expectation.reason or ""
 
 
 def _format_bounds(name: str, bounds: Bounds) -> str:

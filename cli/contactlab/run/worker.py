@@ -70,18 +70,6 @@ _GRACE_SECONDS = 1.0  # time that a job's second pass may continue after a stop 
 _SECOND_PASS_LIMITS = 10
 
 
-def _without_momentum(trace: Trace, setup: Setup) -> Trace:
-    """Mark the momenta of runs with gravity as not measured, run by run."""
-    falling = np.asarray(setup.gravity.any(axis=1))[:, None, None]
-    if trace.momentum is None or trace.angular_momentum is None or not falling.any():
-        return trace
-    return replace(
-        trace,
-        momentum=np.where(falling, np.nan, trace.momentum),
-        angular_momentum=np.where(falling, np.nan, trace.angular_momentum),
-    )
-
-
 def _trace_name(run_id: str) -> str:
     return f"{TRACES}/{run_id[:2]}/{run_id}.mcap"
 
@@ -241,9 +229,16 @@ class Worker:
             runs.base, manifest, resolved, models, sweep.thresholds, run_requirements
         )
         setup = replace(setup, recorded=self.scene.recorded_motion(resolved))
-        return _without_momentum(
-            make_trace(runs.base, runs.prepared[:done_runs], rollout), setup
-        ), setup
+        trace = make_trace(runs.base, runs.prepared[:done_runs], rollout)
+        # The momenta of runs with gravity are not measured.
+        falling = np.asarray(setup.gravity.any(axis=1))[:, None, None]
+        if trace.momentum is not None and trace.angular_momentum is not None and falling.any():
+            trace = replace(
+                trace,
+                momentum=np.where(falling, np.nan, trace.momentum),
+                angular_momentum=np.where(falling, np.nan, trace.angular_momentum),
+            )
+        return trace, setup
 
     def finish_loop(
         self,
@@ -310,17 +305,17 @@ class Worker:
             others = sorted(set(range(trace.runs)) - set(suspects))
             yield MeasuredGroup({whole[row]: row for row in others}, trace, assessment)
         if suspects and able:
-            picked, chosen = trace.select(suspects), [whole[row] for row in suspects]
+            picked_trace, chosen = trace.select(suspects), [whole[row] for row in suspects]
             controls = rollout.controls and [rollout.controls[row] for row in chosen]
             again = runs.rows(chosen).with_recorded_controls(controls)
             with self._preparer.start_watchdog(_SECOND_PASS_LIMITS) as start_clock:
                 start_clock()
                 proceed = self._grace_period(start_clock)
                 judge = whole_verdict if rule == "verdict" else backward_error
-                checks = engine.check_runs(again, picked, proceed, judge)
+                checks = engine.check_runs(again, picked_trace, proceed, judge)
             checked_rows = range(checks.runs)
             checked, checked_setup = (
-                picked.select(checked_rows),
+                picked_trace.select(checked_rows),
                 setup.select([suspects[row] for row in checked_rows]),
             )
             second = self._assess_runs(checked, checked_setup, checks)

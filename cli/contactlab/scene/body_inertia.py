@@ -149,7 +149,7 @@ def inertia_faults(model: mujoco.MjModel) -> tuple[InertiaFault, ...]:
 
 
 def _find_beyond(
-    model: mujoco.MjModel, bodies: Sequence[int], felt: float = 0.1
+    model: mujoco.MjModel, bodies: Sequence[int], least_share: float = 0.1
 ) -> Iterator[tuple[int, InertiaFault]]:
     """Yield each body with mass that would lie outside its machine in any pose.
 
@@ -159,7 +159,7 @@ def _find_beyond(
     Args:
         model: compiled.
         bodies: to judge.
-        felt: least share of the inertia at any joint that would not fit.
+        least_share: least share of the inertia at any joint that would not fit.
     """
     if not bodies:
         return
@@ -178,7 +178,7 @@ def _find_beyond(
         mujoco.mj_jacBodyCom(model, data, None, turn, body)
         own = np.asarray(data.ximat[body]).reshape(3, 3).T @ turn
         excess = (1 - (reach / spread) ** 2) * (moments[:, None] * own**2).sum(axis=0)
-        if (excess > felt * np.diag(mass)).any():
+        if (excess > least_share * np.diag(mass)).any():
             reason = (
                 f"its inertia puts its mass {spread:.3g} m (rms) from its center; the farthest "
                 f"point of the machine is {reach:.3g} m away"
@@ -199,7 +199,17 @@ def _find_machine_reach(model: mujoco.MjModel, body: int) -> float:
         for other in (int(model.body_parentid[place]), *children):
             if other and other not in distances:
                 lower = max(other, place)  # bodies are numbered from root to leaf
-                distances[other] = distances[place] + _find_link_length(model, lower)
+                # Largest distance between the frames of a body and its parent.
+                length = float(np.linalg.norm(model.body_pos[lower]))
+                first, count = int(model.body_jntadr[lower]), int(model.body_jntnum[lower])
+                for joint in range(first, first + count):
+                    length += 2 * float(np.linalg.norm(model.jnt_pos[joint]))
+                    if (
+                        model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE
+                        and model.jnt_limited[joint]
+                    ):
+                        length += float(np.abs(model.jnt_range[joint]).max())
+                distances[other] = distances[place] + length
                 places.append(other)
     reach = 0.0
     for geom in np.flatnonzero(model.geom_rbound > 0).tolist():
@@ -210,17 +220,6 @@ def _find_machine_reach(model: mujoco.MjModel, body: int) -> float:
             before = 0.0 if owner == body else distances[owner]
             reach = max(reach, before + float(away + model.geom_rbound[geom]))
     return reach
-
-
-def _find_link_length(model: mujoco.MjModel, body: int) -> float:
-    # Largest distance between the frames of a body and its parent.
-    length = float(np.linalg.norm(model.body_pos[body]))
-    first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
-    for joint in range(first, first + count):
-        length += 2 * float(np.linalg.norm(model.jnt_pos[joint]))
-        if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE and model.jnt_limited[joint]:
-            length += float(np.abs(model.jnt_range[joint]).max())
-    return length
 
 
 def _body_faults(model: mujoco.MjModel, body: int) -> Iterator[InertiaFault]:

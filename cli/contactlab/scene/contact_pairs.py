@@ -7,7 +7,7 @@ parameters that have an override option. Source: MuJoCo's documentation, Modelin
 parameters.
 """
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise, product
 from typing import Any
@@ -70,7 +70,24 @@ def detected_pairs(model: mujoco.MjModel, keyframe: str = QPOS0) -> tuple[Monito
     if len(pairs) > MAX_PAIRS:
         touching = _touching_pairs(model, {QPOS0, keyframe})
         rest = set(pairs).difference(touching)
-        pairs = [*touching, *_sort_by_reach(model, keyframe, rest)][:MAX_PAIRS]
+        # Sort the others by group, then by the gap at the start.
+        bodies = np.asarray(model.geom_bodyid)
+        fixed = model.body_weldid[bodies] == 0
+        roots = model.body_rootid[bodies]
+        free = np.isin(roots, model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE])
+        data = start_data(model, keyframe)
+        mujoco.mj_kinematics(model, data)
+        flat = np.isin(model.geom_type, _SURFACE_TYPES)
+
+        def rank_pair(pair: tuple[int, int]) -> tuple[int, float, tuple[int, int]]:
+            first, second = pair
+            is_free = free[first] or free[second]
+            group = 2 if not is_free else 0 if fixed[first] or fixed[second] else 1
+            between = np.linalg.norm(data.geom_xpos[first] - data.geom_xpos[second])
+            gap = float(between - model.geom_rbound[[first, second]].sum())
+            return group, -np.inf if flat[first] or flat[second] else gap, pair
+
+        pairs = [*touching, *sorted(rest, key=rank_pair)][:MAX_PAIRS]
     rough = [bool((model.geom_type[[*pair]] == _GEOM_OBJECT.mjGEOM_HFIELD).any()) for pair in pairs]
     # At most the 50 contacts of two geoms in MuJoCo (mjMAXCONPAIR), as only height fields need. All
     # pairs with height fields share 400 slots; each slot takes 184 bytes per step.
@@ -246,46 +263,24 @@ def _touching_pairs(model: mujoco.MjModel, keyframes: set[str]) -> list[tuple[in
     silence_mujoco()
     detection_steps = 2000  # 4 s of the default timestep
     most_contacts = 200_000  # of a start: a hundred bodies show their pairs in 2 s
-    found = [np.empty(0, np.int64)]
+    pair_codes = [np.empty(0, np.int64)]
     try:
         for data in [start_data(model, keyframe) for keyframe in keyframes]:
-            left = most_contacts
+            contacts_left = most_contacts
             for _ in range(detection_steps):
                 mujoco.mj_step(model, data)
                 touching = data.contact.geom.astype(np.int64)
                 touching = touching[touching.min(axis=1) >= 0]  # a contact of a flex has geom -1
-                found.append(touching.min(axis=1) * model.ngeom + touching.max(axis=1))
-                left -= len(touching)
-                if left < 0:
+                pair_codes.append(touching.min(axis=1) * model.ngeom + touching.max(axis=1))
+                contacts_left -= len(touching)
+                if contacts_left < 0:
                     break
     except mujoco.FatalError as error:
         why = explain_fatal(error)
         raise SceneError(f"cannot detect contact pairs: the simulation failed: {why}") from error
-    pairs, counts = np.unique(np.concatenate(found), return_counts=True)
+    pairs, counts = np.unique(np.concatenate(pair_codes), return_counts=True)
     order: list[int] = pairs[np.argsort(-counts, kind="stable")].tolist()
     return [divmod(pair, model.ngeom) for pair in order]
-
-
-def _sort_by_reach(
-    model: mujoco.MjModel, keyframe: str, pairs: Collection[tuple[int, int]]
-) -> list[tuple[int, int]]:
-    bodies = np.asarray(model.geom_bodyid)
-    fixed = model.body_weldid[bodies] == 0
-    roots = model.body_rootid[bodies]
-    free = np.isin(roots, model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE])
-    data = start_data(model, keyframe)
-    mujoco.mj_kinematics(model, data)
-    flat = np.isin(model.geom_type, _SURFACE_TYPES)
-
-    def rank_pair(pair: tuple[int, int]) -> tuple[int, float, tuple[int, int]]:
-        first, second = pair
-        is_free = free[first] or free[second]
-        group = 2 if not is_free else 0 if fixed[first] or fixed[second] else 1
-        between = np.linalg.norm(data.geom_xpos[first] - data.geom_xpos[second])
-        gap = float(between - model.geom_rbound[[first, second]].sum())
-        return group, -np.inf if flat[first] or flat[second] else gap, pair
-
-    return sorted(pairs, key=rank_pair)
 
 
 def effective_parameters(model: mujoco.MjModel, pair: MonitoredPair) -> PairRecord:

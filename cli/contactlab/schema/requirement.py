@@ -80,7 +80,24 @@ class Requirement:
 @lru_cache(maxsize=256)
 def read_requirement(text: str) -> Requirement:
     """Read a requirement; a ValueError describes the mistake and the form to write."""
-    word, form, plain, keyed = _split_requirement(text)
+    head, opened, rest = text.strip().partition("(")
+    word = head.strip()
+    if word not in _FORMS:
+        forms = ", ".join(form.example for form in _FORMS.values())
+        hint = did_you_mean(word, _FORMS) or f"; write one of {forms}"
+        raise ValueError(f"no requirement '{word}'{hint}")
+    form = _FORMS[word]
+    if not opened or not rest.endswith(")"):
+        raise ValueError(f"'{text}' is not whole; write {form.example}")
+    # Arguments are plain or have a key, such as `until: 2s`.
+    plain: list[str] = []
+    keyed: dict[str, str] = {}
+    for argument in (part.strip() for part in _COMMA.split(rest[:-1])):
+        key, colon, value = argument.partition(":")
+        if colon and key.strip() in _KEYS:
+            keyed[key.strip()] = value.strip()
+        else:
+            plain.append(argument)
     names, amounts = tuple(plain[: form.names]), plain[form.names :]
     end = _ENDS.get(amounts[0]) if amounts and form.may_end else None
     most = bool(form.unit) or end is not None
@@ -102,29 +119,18 @@ def read_requirement(text: str) -> Requirement:
     if isinstance(start, float) and isinstance(stop, float) and not start < stop:
         raise ValueError(f"'{text}': `until` is not after `from`")
     holder = keyed.get("by")
-    return Requirement(text.strip(), word, names, holder, least, limit, unit, end, start, stop)
-
-
-def _split_requirement(text: str) -> tuple[RequirementWord, _Form, list[str], dict[str, str]]:
-    """Return a requirement's word, and its arguments without and with a key."""
-    head, opened, rest = text.strip().partition("(")
-    word = head.strip()
-    if word not in _FORMS:
-        forms = ", ".join(form.example for form in _FORMS.values())
-        hint = did_you_mean(word, _FORMS) or f"; write one of {forms}"
-        raise ValueError(f"no requirement '{word}'{hint}")
-    form = _FORMS[word]
-    if not opened or not rest.endswith(")"):
-        raise ValueError(f"'{text}' is not whole; write {form.example}")
-    plain: list[str] = []
-    keyed: dict[str, str] = {}
-    for argument in (part.strip() for part in _COMMA.split(rest[:-1])):
-        key, colon, value = argument.partition(":")
-        if colon and key.strip() in _KEYS:
-            keyed[key.strip()] = value.strip()
-        else:
-            plain.append(argument)
-    return cast("RequirementWord", word), form, plain, keyed
+    return Requirement(
+        text.strip(),
+        cast("RequirementWord", word),
+        names,
+        holder,
+        least,
+        limit,
+        unit,
+        end,
+        start,
+        stop,
+    )
 
 
 def _read_range(text: str, amount: str, form: _Form) -> tuple[float, float]:

@@ -13,7 +13,6 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 from pydantic import create_model
-from pydantic.fields import FieldInfo
 
 from contactlab.schema.evidence import EvidenceRecord, InTable, SweepIdentity
 from contactlab.schema.strict_model import Model
@@ -105,7 +104,13 @@ class _FieldCheck:
         self.name = stored.column.name
         self.required = stored.info.is_required()
         self._stored = stored
-        self._is_plain = not stored.is_json and _is_unrestricted(stored.info)
+        # A plain column accepts all values of its type except NaN and infinity.
+        annotation = stored.info.annotation
+        optional = get_origin(annotation) in {Union, UnionType}
+        kinds = [kind for kind in get_args(annotation) if kind is not NoneType] if optional else []
+        rules = [rule for rule in stored.info.metadata if not isinstance(rule, InTable)]
+        is_unrestricted = all(kind in _UNRESTRICTED_TYPES for kind in kinds or [annotation])
+        self._is_plain = not (stored.is_json or rules) and is_unrestricted
         self._known = set[str]()
 
     def __call__(self, columns: Columns) -> Truths:
@@ -171,15 +176,6 @@ def _checks_of_fields() -> tuple[list[_FieldCheck], dict[str, list[_FieldCheck]]
         for part, inner in FIELDS_OF_PARTS.items()
     }
     return [_FieldCheck(field) for field in PLAIN_FIELDS.values()], parts
-
-
-def _is_unrestricted(info: FieldInfo) -> bool:
-    """Return whether a field accepts all values of its column's type except NaN and infinity."""
-    annotation = info.annotation
-    optional = get_origin(annotation) in {Union, UnionType}
-    kinds = [kind for kind in get_args(annotation) if kind is not NoneType] if optional else []
-    rules = [rule for rule in info.metadata if not isinstance(rule, InTable)]
-    return not rules and all(kind in _UNRESTRICTED_TYPES for kind in kinds or [annotation])
 
 
 def _wrong_values(column: pa.Array, kinds: Collection[pa.DataType]) -> Truths:

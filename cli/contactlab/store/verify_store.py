@@ -392,12 +392,32 @@ def write_baseline(source: Address, target: Path, pinned: str | None = None) -> 
     try:
         with _staging_folder(target) as folder:
             _check_target(source, target, pinned)
-            _copy_without_traces(Store.unchecked(source), folder / "new")
+            # Copy everything except the traces.
+            store = Store.unchecked(source)
+            copy = folder / "new"
+            shutil.copytree(store.scene_folder.parent, copy / SCENES)
+            shutil.copyfile(store.file(IDENTITY), copy / IDENTITY)
+            write_compact_table(store.table, copy / TABLE)
+            for sha256 in {
+                record.controls for record in store.records() if record.controls is not None
+            }:
+                file = copy / controls_name(sha256)
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_bytes(store.backend.read_file(controls_name(sha256)) or b"")
+            files = {name: sha256_of(copy / name) for name in store.manifest.files}
+            digests = digests_of(copy / TABLE)
+            if store.manifest.records != digests.records:
+                raise StoreError(
+                    f"{store.address} is not sound: its records are not those of its manifest"
+                )
+            changes = {"files": files, "physics": digests.physics, "traces_left_out": True}
+            text = document_json(store.manifest.model_copy(update=changes))
+            (copy / MANIFEST).write_text(text, encoding="utf-8")
             sync_filesystem(folder)
             if target.exists():
-                exchange_folders(folder / "new", target)
+                exchange_folders(copy, target)
             else:
-                move_folder(folder / "new", target)
+                move_folder(copy, target)
     except OSError as error:
         raise write_error(Path(error.filename or target), error) from error
     return Store.unchecked(target)
@@ -429,23 +449,6 @@ def _staging_folder(target: Path) -> Generator[Path]:
             shutil.rmtree(folder)
     finally:
         os.close(lock)
-
-
-def _copy_without_traces(store: Store, target: Path) -> None:
-    shutil.copytree(store.scene_folder.parent, target / SCENES)
-    shutil.copyfile(store.file(IDENTITY), target / IDENTITY)
-    write_compact_table(store.table, target / TABLE)
-    for sha256 in {record.controls for record in store.records() if record.controls is not None}:
-        file = target / controls_name(sha256)
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_bytes(store.backend.read_file(controls_name(sha256)) or b"")
-    files = {name: sha256_of(target / name) for name in store.manifest.files}
-    digests = digests_of(target / TABLE)
-    if store.manifest.records != digests.records:
-        raise StoreError(f"{store.address} is not sound: its records are not those of its manifest")
-    changes = {"files": files, "physics": digests.physics, "traces_left_out": True}
-    text = document_json(store.manifest.model_copy(update=changes))
-    (target / MANIFEST).write_text(text, encoding="utf-8")
 
 
 def _check_target(source: Address, target: Path, pinned: str | None) -> None:

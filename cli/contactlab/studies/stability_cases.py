@@ -2,14 +2,14 @@
 
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from contactlab import resources
 from contactlab.errors import SweepFileError, did_you_mean
-from contactlab.run.sweep_request import SweepRequest, read_request
+from contactlab.run.sweep_request import read_request
 from contactlab.scene.scene_source import is_menagerie
 from contactlab.schema.check_report import StabilityReport, StabilityResult
 from contactlab.tasks.session import Session
@@ -47,7 +47,32 @@ def run(cases: Sequence[StabilityCase], session: Session) -> StabilityReport:
         )
         sweep = replace(sweep, fresh=(store / "manifest.json").is_file())
         rows = session.run(sweep).table.to_pylist() if sweep.plan.count else []
-        result = _judge_case_result(sweep, rows, time.monotonic() - started)
+        seconds = time.monotonic() - started
+        # Runs without an expectation count as runs only.
+        expected = [row for row in rows if row["expectation_met"] is not None]
+        stable = [row for row in expected if "stable" in (row["expected"] or ["stable"])]
+        failed = [row for row in stable if not row["expectation_met"]]
+        errors = [row["oracle_error"] for row in stable if row["oracle_error"] is not None]
+        steps = [row["label_step"] for row in failed if row["label_step"] is not None]
+        result = StabilityResult(
+            name=sweep.name,
+            runs=len(rows),
+            expected=len(expected),
+            as_expected=sum(row["expectation_met"] for row in expected),
+            controls=sum(row["expectation_met"] for row in expected if row not in stable),
+            labels=dict(Counter(row["label"] for row in rows)),
+            error=max(errors, default=None),
+            step=min(steps, default=None),
+            misses=tuple(
+                f"{row['run_id'][:8]}: {row['expectation_reason']}"
+                + (f" ({row['label_reason']})" if row["label_reason"] else "")
+                for row in expected
+                if not row["expectation_met"]
+            ),
+            seconds=seconds,
+            store=str(sweep.store),
+            skipped=sweep.left_out,
+        )
         verdict = "not run" if not result.runs else "ok" if result.passed else "NOT AS EXPECTED"
         skipped = "; skipped: " + "; ".join(result.skipped) if result.skipped else ""
         session.notify(f"{number}/{len(cases)} {case.name}: {verdict}{skipped}")
@@ -74,32 +99,3 @@ def find_cases(names: Sequence[str] = ()) -> list[StabilityCase]:
                 f"{', '.join(case_files)}"
             )
     return [StabilityCase(name, case_files[name]) for name in names or case_files]
-
-
-def _judge_case_result(
-    sweep: SweepRequest, rows: Sequence[Mapping[str, Any]], seconds: float
-) -> StabilityResult:
-    expected = [row for row in rows if row["expectation_met"] is not None]
-    stable = [row for row in expected if "stable" in (row["expected"] or ["stable"])]
-    failed = [row for row in stable if not row["expectation_met"]]
-    errors = [row["oracle_error"] for row in stable if row["oracle_error"] is not None]
-    steps = [row["label_step"] for row in failed if row["label_step"] is not None]
-    return StabilityResult(
-        name=sweep.name,
-        runs=len(rows),
-        expected=len(expected),
-        as_expected=sum(row["expectation_met"] for row in expected),
-        controls=sum(row["expectation_met"] for row in expected if row not in stable),
-        labels=dict(Counter(row["label"] for row in rows)),
-        error=max(errors, default=None),
-        step=min(steps, default=None),
-        misses=tuple(
-            f"{row['run_id'][:8]}: {row['expectation_reason']}"
-            + (f" ({row['label_reason']})" if row["label_reason"] else "")
-            for row in expected
-            if not row["expectation_met"]
-        ),
-        seconds=seconds,
-        store=str(sweep.store),
-        skipped=sweep.left_out,
-    )

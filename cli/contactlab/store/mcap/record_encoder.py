@@ -70,8 +70,8 @@ def _packed_numbers(array: NDArray[Any], place: FieldPlace) -> NDArray[Any]:
     kind = np.dtype("<f8") if place.kind == np.float32 else place.kind
     packed = array.astype(kind, copy=False)
     is_vector = bool(place.shape) and place.strides[-1] == place.kind.itemsize
-    scattered = is_vector and packed.strides[-1] != packed.itemsize
-    return np.ascontiguousarray(packed) if scattered else packed
+    is_scattered = is_vector and packed.strides[-1] != packed.itemsize
+    return np.ascontiguousarray(packed) if is_scattered else packed
 
 
 class Records(NamedTuple):
@@ -184,7 +184,8 @@ def message_indexes(
         for channel, length in enumerate(lengths, start=1):
             if length:
                 end = ends[channel - 1][chunk]
-                parts.append(_encode_index(channel, data[end - length : end].tobytes()))
+                head = INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + length, channel, length)
+                parts.append(head + data[end - length : end].tobytes())
                 starts[channel], size = size, size + len(parts[-1])
         yield ChunkIndexes(b"".join(parts), starts)
 
@@ -215,8 +216,3 @@ def overlapping_numbers(items: Items, width: int) -> Unsigned:
     size = items.dtype.itemsize
     shape = len(items), size - width + 1
     return np.ndarray(shape, f"<u{width}", items.view(np.uint8), strides=(size, 1))
-
-
-def _encode_index(channel: int, entries: bytes) -> bytes:
-    length = len(entries)
-    return INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + length, channel, length) + entries

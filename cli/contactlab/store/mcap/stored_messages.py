@@ -234,7 +234,13 @@ def stored_file(data: bytes) -> StoredFile:
             entries = np.frombuffer(data, "<u8", length // 8, start + INDEX_HEAD.size)
             offsets[channel].append(entries[1::2].astype(np.int64) + base)
         base += chunk.unpacked_size
-    stream = _unpack_chunks(packed, [chunk.unpacked_size for chunk in summary.chunks])
+    sizes = [chunk.unpacked_size for chunk in summary.chunks]
+    for chunk, size in zip(packed, sizes, strict=True):
+        check_chunk_size(chunk, size)
+    stream, start = np.empty(sum(sizes), np.uint8), 0
+    for chunk, size in zip(packed, sizes, strict=True):
+        unpack_chunk(chunk, stream[start : start + size])
+        start += size
     none = np.empty(0, np.int64)
     messages = {
         channel: ChannelMessages(stream, np.concatenate((none, *parts)))
@@ -242,16 +248,6 @@ def stored_file(data: bytes) -> StoredFile:
     }
     described = [*summary.schemas.values()], [*summary.channels.values()]
     return StoredFile(*described, metadata, model, messages)
-
-
-def _unpack_chunks(packed: Sequence[Compressed], sizes: Sequence[int]) -> NDArray[np.uint8]:
-    for chunk, size in zip(packed, sizes, strict=True):
-        check_chunk_size(chunk, size)
-    stream, start = np.empty(sum(sizes), np.uint8), 0
-    for chunk, size in zip(packed, sizes, strict=True):
-        unpack_chunk(chunk, stream[start : start + size])
-        start += size
-    return stream
 
 
 def check_chunk_size(chunk: Compressed, size: int) -> None:

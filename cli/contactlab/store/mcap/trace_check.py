@@ -119,9 +119,27 @@ def check_trace(data: bytes) -> CheckedTrace:
     *_, crc = DATA_END.unpack_from(data, position)
     if not is_equal or data[position:] != encode_end(start, framed, counts.tolist(), crc, position):
         raise ValueError(_MISMATCH)
-    messages, trajectory_hash, record_json = _join_records(_RecordCheck(channels), chunks)
+    check = _RecordCheck(channels)
+    # The messages of each channel are counted, the states hashed, and the record joined.
+    digest, evidence, sizes = hashlib.sha256(), list[bytes](), Counter[int]()
+    messages, time, last_size = np.zeros(len(check.channels), np.int64), -1, 0
+    for records in _read_chunks(check, chunks):
+        first, last = records.times
+        if first <= time:
+            raise ValueError(_UNORDERED)
+        digest.update(np.ascontiguousarray(records.states).data)
+        messages += records.messages
+        evidence += records.evidence
+        sizes += records.sizes
+        time, last_size = last, records.last_size
+    # All states but the last have a step, all with or all without momentum.
+    if last_size != check.last_size or sizes[last_size] != 1 or len(sizes) > 2:
+        nq, nv = check.dimensions
+        raise ValueError(f"a state message does not hold {nq} positions and {nv} velocities")
+    [record_json] = evidence
     topics = (channel.topic for channel in channels)
     counts_by_topic = dict(zip(topics, messages.tolist(), strict=True))
+    trajectory_hash = digest.hexdigest()[:32]
     return CheckedTrace(
         counts_by_topic, trajectory_hash, record_json, metadata.metadata, model.data
     )
@@ -150,29 +168,6 @@ def _frame_stored_chunk(
     packed, index = view[first:last], ChunkIndexes(data[last:place], starts)
     frame = frame_chunk(packed, entry.unpacked_size, times, index, position)
     return _Chunk(packed, entry.unpacked_size, entries), frame
-
-
-def _join_records(
-    check: "_RecordCheck", chunks: Sequence[_Chunk]
-) -> tuple[NDArray[np.int64], str, bytes]:
-    # Return the number of messages by channel, the hash of all states, and the record.
-    digest, evidence, sizes = hashlib.sha256(), list[bytes](), Counter[int]()
-    messages, time, last_size = np.zeros(len(check.channels), np.int64), -1, 0
-    for records in _read_chunks(check, chunks):
-        first, last = records.times
-        if first <= time:
-            raise ValueError(_UNORDERED)
-        digest.update(np.ascontiguousarray(records.states).data)
-        messages += records.messages
-        evidence += records.evidence
-        sizes += records.sizes
-        time, last_size = last, records.last_size
-    # All states but the last have a step, all with or all without momentum.
-    if last_size != check.last_size or sizes[last_size] != 1 or len(sizes) > 2:
-        nq, nv = check.dimensions
-        raise ValueError(f"a state message does not hold {nq} positions and {nv} velocities")
-    [record_json] = evidence
-    return messages, digest.hexdigest()[:32], record_json
 
 
 def _read_chunks(check: "_RecordCheck", chunks: Sequence[_Chunk]) -> Iterator[_Records]:
@@ -294,8 +289,10 @@ class _RecordCheck:
         messages = ChannelMessages(content, offsets)
         heads, sizes = messages.heads, messages.sizes
         read_heads = np.column_stack((heads["opcode"], heads["channel"], heads["log_time"]))
-        stated = np.column_stack((np.full_like(ids, Opcode.MESSAGE), ids, times))
-        if np.any(read_heads != stated) or np.any(np.diff(offsets, append=len(content)) != sizes):
+        expected_heads = np.column_stack((np.full_like(ids, Opcode.MESSAGE), ids, times))
+        if np.any(read_heads != expected_heads) or np.any(
+            np.diff(offsets, append=len(content)) != sizes
+        ):
             raise ValueError(_MISPLACED)
         if heads["sequence"].any() or np.any(heads["publish_time"] != times):
             raise ValueError(_DIFFERENT)

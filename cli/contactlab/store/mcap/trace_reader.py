@@ -3,7 +3,7 @@
 import hashlib
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
@@ -27,7 +27,6 @@ from contactlab.store.mcap.message_encoder import MOMENTUM_ARRAYS, PAIR_ARRAYS, 
 from contactlab.store.mcap.stored_messages import (
     UNREADABLE,
     ChannelMessages,
-    StoredFile,
     find_damage,
     stored_file,
 )
@@ -158,7 +157,9 @@ def _read_file(
     if damage := find_damage(data):
         raise StoreError(f"{shown_path}: {damage}; repeat the run")
     try:
-        with _memory_for(data):
+        # Arrays of a long trace lie in files.
+        long_bytes = 32 << 20  # half a million steps of a body take ten times that in memory
+        with arrays_on_disk() if len(data) > long_bytes else nullcontext():
             return form(data)
     except UNREADABLE as error:
         raise StoreError(
@@ -166,16 +167,12 @@ def _read_file(
         ) from error
 
 
-def _memory_for(data: bytes) -> AbstractContextManager[None]:
-    # Arrays of a long trace lie in files.
-    long_bytes = 32 << 20  # half a million steps of a body take ten times that in memory
-    return arrays_on_disk() if len(data) > long_bytes else nullcontext()
-
-
 def _decode_trace(data: bytes) -> StoredTrace:
     file = expand_blocks(stored_file(data))
     messages = {channel.topic: file.messages[channel.id] for channel in file.channels}
-    arrays, times = _state_arrays(messages[STATE_TOPIC], *_state_sizes(file))
+    [state] = [channel for channel in file.channels if channel.topic == STATE_TOPIC]
+    nq, nv = (int(state.metadata[name]) for name in ("nq", "nv"))
+    arrays, times = _state_arrays(messages[STATE_TOPIC], nq, nv)
     [record_json] = messages[EVIDENCE_TOPIC].iterate_contents()
     return StoredTrace(
         **arrays,
@@ -188,11 +185,6 @@ def _decode_trace(data: bytes) -> StoredTrace:
         metadata=file.metadata.metadata,
         model_xml=file.model.data,
     )
-
-
-def _state_sizes(file: StoredFile) -> tuple[int, int]:
-    [state] = [channel for channel in file.channels if channel.topic == STATE_TOPIC]
-    return int(state.metadata["nq"]), int(state.metadata["nv"])
 
 
 def _state_arrays(
@@ -218,7 +210,11 @@ def _state_arrays(
 
 def _stored_pair(name: str, messages: ChannelMessages, times: NDArray[Any]) -> StoredPair:
     """Return a pair's contacts, from the (N + 1,) log times of the states."""
-    steps, counts = _contact_steps(name, messages, times), point_counts(messages.sizes)
+    log_times = messages.heads["log_time"]
+    steps = np.searchsorted(times, log_times)
+    if not np.array_equal(times[np.minimum(steps, len(times) - 1)], log_times):
+        raise ValueError(f"a contact of '{name}' has no state of its time")
+    counts = point_counts(messages.sizes)
     arrays: dict[str, NDArray[Any]] = {
         array: np.empty(len(counts), kind) for array, (_, kind) in _PAIR_ARRAYS.items()
     }
@@ -245,15 +241,6 @@ def _stored_pair(name: str, messages: ChannelMessages, times: NDArray[Any]) -> S
     )
 
 
-def _contact_steps(name: str, messages: ChannelMessages, times: NDArray[Any]) -> NDArray[np.intp]:
-    # `times` are the (N + 1,) log times of the states.
-    log_times = messages.heads["log_time"]
-    steps = np.searchsorted(times, log_times)
-    if not np.array_equal(times[np.minimum(steps, len(times) - 1)], log_times):
-        raise ValueError(f"a contact of '{name}' has no state of its time")
-    return steps
-
-
 # Fields that a record gets after its trace is written, so that equal runs have equal traces.
 _LATER_FIELDS = ("trace", "cost", "started", "finished", "accuracy", "timing")
 
@@ -275,7 +262,19 @@ def trace_problems(
         return
     try:
         trace = check_trace(data)
-        yield from _different_fields(trace.record_json, record, but)
+        record_json = trace.record_json
+        own, stored = _plain_content(record), from_json(record_json)
+        if (
+            not isinstance(stored, dict)
+            or {name: value for name, value in stored.items() if name not in _LATER_FIELDS} != own
+        ):
+            # It may be written otherwise, as by an earlier version.
+            plain = _plain_content(EvidenceRecord.model_validate_json(record_json))
+            for name, value in own.items():
+                # Errors have tolerances, too, which are judged after the trace is written.
+                is_later = name == "tolerances_met" and record.accuracy is not None
+                if plain[name] != value and name not in but and not is_later:
+                    yield f"its record and the table differ in {name}"
     except UNREADABLE as error:
         yield f"its content is invalid: {error}"
         return
@@ -288,23 +287,6 @@ def trace_problems(
         yield f"its messages by topic do not match the table, or {record.steps} steps"
     if model is not None and trace.model_xml != model:
         yield "its model is not the scene's"
-
-
-def _different_fields(
-    record_json: bytes, record: EvidenceRecord, but: Collection[str]
-) -> Iterator[str]:
-    own, stored = _plain_content(record), from_json(record_json)
-    if (
-        not isinstance(stored, dict)
-        or {name: value for name, value in stored.items() if name not in _LATER_FIELDS} != own
-    ):
-        # It may be written otherwise, as by an earlier version.
-        plain = _plain_content(EvidenceRecord.model_validate_json(record_json))
-        for name, value in own.items():
-            # Errors have tolerances, too, which are judged after the trace is written.
-            is_later = name == "tolerances_met" and record.accuracy is not None
-            if plain[name] != value and name not in but and not is_later:
-                yield f"its record and the table differ in {name}"
 
 
 def _plain_content(record: EvidenceRecord) -> dict[str, Any]:

@@ -104,7 +104,7 @@ def summarize_changes(before: str, after: str) -> tuple[list[str], set[str]]:
             names = ", ".join(each.name for each in changes[:3]) + ", ..." * (len(changes) > 3)
             sentences.append(f"{parts} are {change[0]}: {names}")
         elif len({(each.before, each.after) for each in changes}) == 1:
-            sentences.append(_shared_sentence(parts, changes[0]))
+            sentences.append(changes[0].model_copy(update={"kind": parts, "name": ""}).sentence)
         else:
             sentences.append(f"{parts}: {quantity} x{change[0]}")
     return sentences, {quantity for _, quantity, *_ in alike}
@@ -124,10 +124,6 @@ def _common_factor(before: str, after: str) -> str:
     if np.ptp(ratios) > rounding * abs(ratios).max():
         return ""
     return f"{np.median(ratios):.4g}"
-
-
-def _shared_sentence(parts: str, difference: Difference) -> str:
-    return difference.model_copy(update={"kind": parts, "name": ""}).sentence
 
 
 def find_differences(

@@ -1,7 +1,7 @@
 """Causes that no numerics remove: a servo that sags, and an object that a hand does not hold."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import mujoco
 import numpy as np
@@ -34,7 +34,7 @@ def find_sagging_servo(motion: Motion, most: float = 0.05) -> Iterator[Cause]:
         most: share of a joint's range that a servo may yield to its load.
     """
     model, data = motion.model, begin_motion(motion)
-    if not _has_constant_inputs(motion):
+    if np.any(motion.inputs[0] != motion.inputs[0][0]):
         return
     begun = {joint: float(data.qpos[model.jnt_qposadr[joint]]) for joint in range(model.njnt)}
     extent = moving_extent(model, data)
@@ -91,8 +91,3 @@ def _place_in(data: mujoco.MjData, body: int, base: int) -> Floats:
     turn = np.asarray(data.xmat[base]).reshape(3, 3)
     place: Floats = turn.T @ (data.xpos[body] - data.xpos[base])
     return place
-
-
-def _has_constant_inputs(motion: Motion) -> bool:
-    rows: Sequence[Floats] | Floats = motion.inputs[0]
-    return bool(np.all(rows == rows[0]))

@@ -43,7 +43,19 @@ def find_permanent_overlaps(motion: Motion, poses: int = 64) -> list[PermanentOv
     random = np.random.default_rng(0)
     remaining_pairs, extent = {*depths}, moving_extent(model, data)
     for _ in range(poses if remaining_pairs else 0):
-        _draw_pose(model, data, random, extent)
+        # Draw a pose of all joints except free ones.
+        for joint in range(model.njnt):
+            place, kind = int(model.jnt_qposadr[joint]), int(model.jnt_type[joint])
+            if kind == _FREE:
+                continue
+            if kind == _BALL:
+                turn: Floats = random.normal(size=4)
+                data.qpos[place : place + 4] = turn / np.linalg.norm(turn)
+                continue
+            size = np.pi if kind == _HINGE else extent
+            limited = bool(model.jnt_limited[joint])
+            low, high = model.jnt_range[joint] if limited else (-size, size)
+            data.qpos[place] = random.uniform(max(low, -1e3), min(high, 1e3))
         mujoco.mj_fwdPosition(model, data)
         remaining_pairs &= {(one, two) for one, two, _ in find_overlaps(model, data)}
     return [
@@ -51,20 +63,3 @@ def find_permanent_overlaps(motion: Motion, poses: int = 64) -> list[PermanentOv
         for (one, two), depth in depths.items()
         if (one, two) in remaining_pairs
     ]
-
-
-def _draw_pose(
-    model: mujoco.MjModel, data: mujoco.MjData, random: np.random.Generator, extent: float
-) -> None:
-    for joint in range(model.njnt):
-        place, kind = int(model.jnt_qposadr[joint]), int(model.jnt_type[joint])
-        if kind == _FREE:
-            continue
-        if kind == _BALL:
-            turn: Floats = random.normal(size=4)
-            data.qpos[place : place + 4] = turn / np.linalg.norm(turn)
-            continue
-        size = np.pi if kind == _HINGE else extent
-        limited = bool(model.jnt_limited[joint])
-        low, high = model.jnt_range[joint] if limited else (-size, size)
-        data.qpos[place] = random.uniform(max(low, -1e3), min(high, 1e3))

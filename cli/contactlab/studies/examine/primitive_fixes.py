@@ -5,7 +5,6 @@ stay. MuJoCo fits each to the mesh of a geom that says `mesh` and another type.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -86,23 +85,17 @@ def _find_nearest(
         if model is None:
             continue
         for name in geoms:
-            corners = _fit_corners(own, name, model.geom(name))
-            off = np.abs(distances(shape, model.geom(name).size, corners)).mean()
+            # The corners of the hull in the frame of the primitive; both are of one body.
+            geom, fitted = own.geom(name), model.geom(name)
+            hull = hull_vertices(own, int(geom.dataid[0]))
+            corners = hull @ rotation_matrix(geom.quat).T + geom.pos
+            corners = (corners - fitted.pos) @ rotation_matrix(fitted.quat)
+            off = np.abs(distances(shape, fitted.size, corners)).mean()
             apart[name][shape] = float(off / corners.std(axis=0).max())
     nearest = {name: min(of, key=lambda shape: of[shape]) for name, of in apart.items() if of}
     # Mean distance of the corners of a hull from a primitive, over their widest spread.
     alike = 0.1
     return {name: shape for name, shape in nearest.items() if apart[name][shape] <= alike}
-
-
-def _fit_corners(own: mujoco.MjModel, name: str, fitted: Any) -> Floats:  # noqa: ANN401 - a geom's view
-    """Return the (n, 3) corners of a geom's hull in the frame of the primitive fitted to it [m].
-
-    Both are of one body.
-    """
-    geom = own.geom(name)
-    corners = hull_vertices(own, int(geom.dataid[0])) @ rotation_matrix(geom.quat).T + geom.pos
-    return (corners - fitted.pos) @ rotation_matrix(fitted.quat)
 
 
 def distances(shape: str, size: Floats, points: Floats) -> Floats:

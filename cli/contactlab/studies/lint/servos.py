@@ -59,7 +59,7 @@ def find_wide_control_ranges(linted: LintedModel) -> Iterator[Fault]:
     Targets lie more than a whole range beyond the range, as radians for degrees do. Fix: the range
     of the joint.
     """
-    model, found = linted.model, list[tuple[_Servo, float]]()
+    model, wide_servos = linted.model, list[tuple[_Servo, float]]()
     for servo in _list_servos(model):
         if not (model.actuator_ctrllimited[servo.actuator] and model.jnt_limited[servo.joint]):
             continue
@@ -68,10 +68,10 @@ def find_wide_control_ranges(linted: LintedModel) -> Iterator[Fault]:
         beyond = max(low - targets[0], targets[1] - high)
         far_ranges = 1.0  # ranges of the joint: a servo that pushes against a stop asks for less
         if np.isfinite(beyond) and high > low and beyond > far_ranges * (high - low):
-            found.append((servo, float(beyond / (high - low))))
-    if found:
-        servo, ranges = max(found, key=lambda one: one[1])
-        more = f"; and {len(found) - 1} more" if len(found) > 1 else ""
+            wide_servos.append((servo, float(beyond / (high - low))))
+    if wide_servos:
+        servo, ranges = max(wide_servos, key=lambda one: one[1])
+        more = f"; and {len(wide_servos) - 1} more" if len(wide_servos) > 1 else ""
         low, high = model.actuator_ctrlrange[servo.actuator] / servo.gear
         own = model.jnt_range[servo.joint]
         yield Fault(
@@ -129,11 +129,12 @@ def keyframe_torque(linted: LintedModel) -> Iterator[Fault]:
         if len(held) > 1 and same:
             first = held[0]
             control = f"{data.ctrl[first.actuator]:.4g}"
+            unit = "Nm" if model.jnt_type[first.joint] == mujoco.mjtJoint.mjJNT_HINGE else "N"
             yield Fault(
                 f"keyframe '{name}' gives {len(held)} motors the positions of their joints, such "
                 f"as {control} to {linted.name('actuator', first.actuator)}: a motor takes it as "
                 f"{abs(first.gain * first.gear) * data.ctrl[first.actuator]:.4g} "
-                f"{_force_unit(model, first.joint)}, and nothing holds the pose; use a controller "
+                f"{unit}, and nothing holds the pose; use a controller "
                 "(--drive kp=400,kd=10, with your gains), or write position servos",
                 linted.place("key", name),
             )
@@ -145,7 +146,7 @@ def clipped_control(linted: LintedModel) -> Iterator[Fault]:
 
     All larger controls act alike, so a policy saturates early. Fix: the `ctrlrange` of that force.
     """
-    model, found = linted.model, list[tuple[float, float, float, _Motor]]()
+    model, clipped_motors = linted.model, list[tuple[float, float, float, _Motor]]()
     for motor in _list_motors(model):
         limits = list[float]()
         if model.actuator_forcelimited[motor.actuator]:
@@ -155,24 +156,20 @@ def clipped_control(linted: LintedModel) -> Iterator[Fault]:
             limits.append(most / abs(motor.gear))
         if not limits or not model.actuator_ctrllimited[motor.actuator]:
             continue
-        asked = float(np.abs(model.actuator_ctrlrange[motor.actuator]).max())
+        largest_control = float(np.abs(model.actuator_ctrlrange[motor.actuator]).max())
         acts = min(limits) / abs(motor.gain)
         slight = 1.01  # times the force: a rounded range
-        if 0 < acts < asked / slight:
-            found.append((asked / acts, asked, acts, motor))
-    if found:
-        times, asked, acts, motor = max(found, key=lambda one: one[0])
-        more = f"; and {len(found) - 1} more motors" if len(found) > 1 else ""
+        if 0 < acts < largest_control / slight:
+            clipped_motors.append((largest_control / acts, largest_control, acts, motor))
+    if clipped_motors:
+        times, largest_control, acts, motor = max(clipped_motors, key=lambda one: one[0])
+        more = f"; and {len(clipped_motors) - 1} more motors" if len(clipped_motors) > 1 else ""
         yield Fault(
-            f"motor {linted.name('actuator', motor.actuator)} takes controls up to {asked:.4g}, "
-            f"but its force is clipped from {acts:.4g} on, {times:.3g} times lower{more}; write "
-            "the control range that acts",
+            f"motor {linted.name('actuator', motor.actuator)} takes controls up to "
+            f"{largest_control:.4g}, but its force is clipped from {acts:.4g} on, {times:.3g} "
+            f"times lower{more}; write the control range that acts",
             linted.place("actuator", motor.actuator),
         )
-
-
-def _force_unit(model: mujoco.MjModel, joint: int) -> str:
-    return "Nm" if model.jnt_type[joint] == int(mujoco.mjtJoint.mjJNT_HINGE) else "N"
 
 
 class _JawForce(NamedTuple):
@@ -191,7 +188,7 @@ def find_strong_jaws(linted: LintedModel) -> Iterator[Fault]:
     own thickness. Fix: `forcerange`, with the force of the real gripper.
     """
     model, data = linted.model, linted.reference
-    halves, found = half_extents(model), list[_JawForce]()
+    halves, jaw_forces = half_extents(model), list[_JawForce]()
     for servo in _list_servos(model):
         geom = _find_jaw_geom(model, data, servo.joint)
         limited = (
@@ -221,17 +218,17 @@ def find_strong_jaws(linted: LintedModel) -> Iterator[Fault]:
             most = force * float(lever) / abs(servo.gear) * rests * float(halves[geom]) / depth
             limits = mjcf_text([-float(f"{most:.2g}"), float(f"{most:.2g}")])
             edits = linted.set("actuator", servo.actuator, forcerange=limits)
-            found.append(_JawForce(depth, force, servo, geom, edits))
-    if found:
-        depth, force, servo, geom, _ = max(found, key=lambda one: one.depth)
-        more = f"; and {len(found) - 1} more" if len(found) > 1 else ""
+            jaw_forces.append(_JawForce(depth, force, servo, geom, edits))
+    if jaw_forces:
+        depth, force, servo, geom, _ = max(jaw_forces, key=lambda one: one.depth)
+        more = f"; and {len(jaw_forces) - 1} more" if len(jaw_forces) > 1 else ""
         name, jaw = linted.name("actuator", servo.actuator), linted.name("geom", geom)
         yield Fault(
             f"servo {name} of a jaw has no force range: closed on an object that fills half of its "
             f"opening it presses with {force:.3g} N, and {jaw} sinks in by "
             f"{1e3 * depth:.3g} mm{more}; write a forcerange, such as that of the real gripper",
             linted.place("actuator", servo.actuator),
-            tuple(edit for one in found for edit in one.edits),
+            tuple(edit for one in jaw_forces for edit in one.edits),
         )
 
 
@@ -242,7 +239,7 @@ def find_fast_activations(linted: LintedModel) -> Iterator[Fault]:
     It overshoots, and swings without end if the timestep is above two time constants. Fix:
     `dyntype="filterexact"`, or a timestep of at most the time constant.
     """
-    model, found = linted.model, list[tuple[float, int]]()
+    model, fast_actuators = linted.model, list[tuple[float, int]]()
     step = float(model.opt.timestep)
     for actuator in range(model.nu):
         dynamics = int(model.actuator_dyntype[actuator])
@@ -250,20 +247,20 @@ def find_fast_activations(linted: LintedModel) -> Iterator[Fault]:
         count = 2 if dynamics == _MUSCLE else 1
         shortest = float(model.actuator_dynprm[actuator, :count].min())
         if dynamics in (_FILTER, _MUSCLE) and shortest < step * (1 - SUM_ROUNDING):
-            found.append((shortest, actuator))
-    if found:
-        shortest, actuator = min(found)
-        more = f"; and {len(found) - 1} more" if len(found) > 1 else ""
+            fast_actuators.append((shortest, actuator))
+    if fast_actuators:
+        shortest, actuator = min(fast_actuators)
+        more = f"; and {len(fast_actuators) - 1} more" if len(fast_actuators) > 1 else ""
         overshoots = 2.0  # explicit steps of a first-order lag grow beyond two time constants
         verb = "diverges" if step > overshoots * shortest else "overshoots"
         # Muscles and cylinders have no other activation.
         edits = [
             edit
-            for _, one in found
+            for _, one in fast_actuators
             for edit in linted.set("actuator", one, dyntype="filterexact")
             if edit.text.startswith("<general") and model.actuator_dyntype[one] == _FILTER
         ]
-        is_exact = len(edits) == len(found)
+        is_exact = len(edits) == len(fast_actuators)
         instead = 'dyntype="filterexact", or ' if is_exact else ""
         shorter = linted.set_in("option", timestep=f"{shortest:.3g}")
         yield Fault(
@@ -293,8 +290,8 @@ def _find_jaw_geom(model: mujoco.MjModel, data: mujoco.MjData, joint: int) -> in
         return -1
     parent = model.body_weldid[model.body_parentid[body]]
     for other in range(1, model.nbody):
-        beside = other != body and model.body_weldid[model.body_parentid[other]] == parent
-        if not beside or model.body_jntnum[other] != 1 or (model.body_parentid == other).any():
+        is_sibling = other != body and model.body_weldid[model.body_parentid[other]] == parent
+        if not is_sibling or model.body_jntnum[other] != 1 or (model.body_parentid == other).any():
             continue
         second = int(model.body_jntadr[other])
         if model.jnt_type[second] not in _SCALAR:

@@ -56,27 +56,22 @@ def repeat_measure(
     if not good.any():
         return measure
     if measure.name in EXTREME_UNITS:
-        return _average_peak(measure, tables, good)
+        # A peak is the mean over falls; its spread is that of a difference of means.
+        before, after = (table.extremes[measure.name].values[good] for table in tables)
+        error = math.sqrt((np.var(before) + np.var(after)) / max(1, good.sum() - 1))
+        mean, other, spread = float(before.mean()), float(after.mean()), STANDARD_ERRORS * error
+        tolerance = max(spread, measure.tolerance)
+        return measure.model_copy(
+            update={
+                "before": mean,
+                "after": other,
+                "spread": spread,
+                "tolerance": tolerance,
+                "place": tables[1].extremes[measure.name].place,
+                "worse": not other <= mean + tolerance,
+            }
+        )
     return _average_creep(measure, tables, good, run.original.model)
-
-
-def _average_peak(
-    peak: VerifiedMeasure, tables: tuple[StateTable, StateTable], good: np.ndarray
-) -> VerifiedMeasure:
-    before, after = (table.extremes[peak.name].values[good] for table in tables)
-    error = math.sqrt((np.var(before) + np.var(after)) / max(1, good.sum() - 1))
-    mean, other, spread = float(before.mean()), float(after.mean()), STANDARD_ERRORS * error
-    tolerance = max(spread, peak.tolerance)
-    return peak.model_copy(
-        update={
-            "before": mean,
-            "after": other,
-            "spread": spread,
-            "tolerance": tolerance,
-            "place": tables[1].extremes[peak.name].place,
-            "worse": not other <= mean + tolerance,
-        }
-    )
 
 
 def _average_creep(

@@ -31,7 +31,13 @@ def judge_verified_grip(request: GripRequest) -> GripReport:
         if fix.verdict != "holds" or not fix.lines:
             continue
         request.notify(f"verifying {fix.name}")
-        verification = _verify_fix(request, fix, runs)
+        # Other controls begin another motion, so settings are first verified with the original's.
+        verification: VerifiedChange | None = None
+        if fix.keyframe_controls and fix.options:
+            settings = fix.model_copy(update={"keyframe_controls": ()})
+            verification = _verify_edits(request, settings, runs)
+        if verification is None or verification.passed:
+            verification = _verify_edits(request, fix, runs)
         if verification.passed:
             fixes[place] = fix.model_copy(update={"verification": verification})
             return _recommend_fix(report, fixes, "")
@@ -51,19 +57,6 @@ def _recommend_fix(report: GripReport, fixes: Sequence[GripFix], reason: str) ->
         cost = f", x{first.time_ratio.ratio:.2g} time" if first.time_ratio else ""
         text = f"{head}. Fix: {first.name} ({1e3 * (first.speed or 0.0):.3g} mm/s{cost})"
     return report.model_copy(update={"fixes": tuple(ranked), "sentence": text})
-
-
-def _verify_fix(request: GripRequest, fix: GripFix, runs: OriginalRuns) -> VerifiedChange:
-    # Other controls begin another motion, so settings are first verified with the original's.
-    verification: VerifiedChange | None = None
-    if fix.keyframe_controls and fix.options:
-        settings = fix.model_copy(update={"keyframe_controls": ()})
-        verification = _verify_edits(request, settings, runs)
-    return (
-        verification
-        if verification and not verification.passed
-        else _verify_edits(request, fix, runs)
-    )
 
 
 def _verify_edits(request: GripRequest, fix: GripFix, runs: OriginalRuns) -> VerifiedChange:
