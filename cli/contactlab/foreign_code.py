@@ -130,18 +130,18 @@ def printed_as_text() -> Generator[None]:
         yield
         return
     streams = sys.stdout, sys.stderr
-    printed = PrintedFile()
+    output_file = PrintedFile()
     with suppress(OSError, ValueError):
         for stream in streams:
             stream.flush()
-    own = open(os.dup(printed.file.fileno()), "w", errors="replace", buffering=1)  # noqa: PTH123, SIM115 - a descriptor
+    own = open(os.dup(output_file.file.fileno()), "w", errors="replace", buffering=1)  # noqa: PTH123, SIM115 - a descriptor
     others = streams[1]
     with suppress(OSError, ValueError):
         if others.fileno() == 2:
             others = open(os.dup(2), "w", errors="replace", buffering=1)  # noqa: PTH123, SIM115 - as above
     streams_by_thread: Any = _StreamByThread(own, others)
     sys.stdout = sys.stderr = streams_by_thread
-    printed.receive_output()
+    output_file.receive_output()
     try:
         yield
     finally:
@@ -152,12 +152,12 @@ def printed_as_text() -> Generator[None]:
         sys.stdout, sys.stderr = streams
         streams_by_thread.has_ended = True
         with suppress(OSError, ValueError):
-            streams[1].write(printed.take_text())
+            streams[1].write(output_file.take_text())
         if others is not streams[1]:
             others.close()
         for saved_file in before:
             os.close(saved_file)
-        printed.file.close()
+        output_file.file.close()
         _shown.release()
 
 

@@ -154,7 +154,7 @@ def test_the_camera_follows_the_pair_and_the_whole_is_an_inset(drawn: Draw) -> N
 @pytest.mark.long
 def test_runs_beside_each_other_are_seen_from_one_place(drawn: Draw, target: Target) -> None:
     run = drawn("slide")
-    options = PictureOptions(SIZE, beside=run.run, at=(0.0, 0.2))
+    options = PictureOptions(SIZE, other_run=run.run, at=(0.0, 0.2))
     render_run(run.store, run.run, target(".png"), options)
     with Image.open(target(".png")) as image:
         sheet = np.asarray(image)

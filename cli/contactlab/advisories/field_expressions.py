@@ -244,10 +244,13 @@ class FieldExpression(CheckedText):
             NoValueError: this MuJoCo lacks a field.
             ExpressionError: there is no such object, or the result is an array.
         """
-        called = {**_FUNCTIONS, **{word: getattr(facts, name) for word, name in _METHODS.items()}}
+        functions = {
+            **_FUNCTIONS,
+            **{word: getattr(facts, name) for word, name in _METHODS.items()},
+        }
         try:
             with np.errstate(all="ignore"):
-                result = eval(self._code, {"__builtins__": {}, **called})  # noqa: S307 - a checked tree
+                result = eval(self._code, {"__builtins__": {}, **functions})  # noqa: S307 - a checked tree
         except (ArithmeticError, TypeError, ValueError) as error:
             if isinstance(error, ExpressionError):
                 raise

@@ -60,9 +60,9 @@ def count_pace(motions: Sequence[Motion]) -> float:
     one = replace(shortest, starts=shortest.starts[:1], inputs=shortest.inputs[:1])
     # Some states are evaluated, in Python: measured for five robots.
     python_seconds = 3e-6
-    found = count_step_seconds(one, one.model, sample_states(one)) + python_seconds
-    _PACES[key] = weakref.ref(shortest.inputs), found
-    return found
+    seconds = count_step_seconds(one, one.model, sample_states(one)) + python_seconds
+    _PACES[key] = weakref.ref(shortest.inputs), seconds
+    return seconds
 
 
 _PACES = dict[tuple[int, int], tuple[weakref.ref[Floats], float]]()
@@ -111,11 +111,11 @@ def count_step_seconds(
 
     The model has the same states as that of the motion; its step may be shorter.
     """
-    made = without_sensors(model)
-    data, work = mujoco.MjData(made), StepWork(made)
+    bare_model = without_sensors(model)
+    data, work = mujoco.MjData(bare_model), StepWork(bare_model)
     for begin, state in states:
-        mujoco.mj_resetData(made, data)  # wakes sleeping bodies
-        mujoco.mj_setState(made, data, state, INTEGRATION)
+        mujoco.mj_resetData(bare_model, data)  # wakes sleeping bodies
+        mujoco.mj_setState(bare_model, data, state, INTEGRATION)
         try:
             steps = 3  # the first is not counted
             work.count_steps(data, steps, motion.rows(0, begin + np.arange(steps)), motion.spec)

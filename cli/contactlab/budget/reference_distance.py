@@ -95,8 +95,8 @@ def distances_to_reference(
 
 def _mean_shares(apart: Floats, real: Floats) -> Floats:
     """Return (R, B) shares, the mean over seeds that have windows at all."""
-    begun = real.any(axis=1)
-    return (apart / scale_of_impulses(real))[:, begun].mean(axis=1)
+    has_windows = real.any(axis=1)
+    return (apart / scale_of_impulses(real))[:, has_windows].mean(axis=1)
 
 
 def _finest_run(motion: Motion, model: mujoco.MjModel, settings: Settings, finest: int) -> Run:

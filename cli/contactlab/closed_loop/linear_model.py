@@ -119,16 +119,18 @@ class LinearModel:
     def _find_modes(self, timestep: float, integrator: int) -> tuple[np.ndarray, np.ndarray]:
         mass, whole = self.mass, self.explicit + self.implicit + self.soft_damping
         unit, h = np.eye(len(mass)), timestep
-        loaded = np.linalg.inv(mass + self.soft_mass)
+        inverse_mass = np.linalg.inv(mass + self.soft_mass)
         if integrator == _INTEGRATOR.mjINT_RK4:
-            rates = np.block([[0 * unit, unit], [-loaded @ self.stiffness, -loaded @ whole]])
+            rates = np.block(
+                [[0 * unit, unit], [-inverse_mass @ self.stiffness, -inverse_mass @ whole]]
+            )
             values, shapes = np.linalg.eig(rates)
             z = h * values
             return 1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24, shapes
         late = self.implicit
         if integrator != _INTEGRATOR.mjINT_EULER:
             late = self.implicit + self.explicit
-        push = h * np.linalg.inv(mass + h * late) @ mass @ loaded
+        push = h * np.linalg.inv(mass + h * late) @ mass @ inverse_mass
         pull, keep = -push @ self.stiffness, unit - push @ whole
         return np.linalg.eig(np.block([[unit + h * pull, h * keep], [pull, keep]]))
 

@@ -33,13 +33,13 @@ def list_stated_servos(loop: ControlLoop) -> tuple[PositionServo, ...]:
     model, rows = loop.model, LoopRows(loop)
     try:
         motors = find_motors(model)
-        stated = [
+        stated_gains = [
             np.broadcast_to(np.asarray(getattr(rows.policy, name), float), model.nu)
             for name in ("kp", "kd")
         ]
     except (SceneError, ValueError, TypeError, AttributeError):
         return ()
-    if not np.isfinite(stated).all():
+    if not np.isfinite(stated_gains).all():
         return ()
     driven = motors.controls != 0
     if np.any(model.actuator_gainprm[driven, 0] != 1) or np.any(model.actuator_dyntype[driven]):
@@ -47,7 +47,7 @@ def list_stated_servos(loop: ControlLoop) -> tuple[PositionServo, ...]:
     gears, each = np.where(driven, model.actuator_gear[:, 0], 1.0), np.arange(model.nu)
     slopes = -rows.linearize_policy()
     for per_joint in (1.0, 1 / gears):
-        kp, kd = (np.where(driven, gains * per_joint, 0.0) for gains in stated)
+        kp, kd = (np.where(driven, gains * per_joint, 0.0) for gains in stated_gains)
         stated_slopes = np.zeros_like(slopes)
         stated_slopes[each, motors.dofs], stated_slopes[each, model.nv + motors.dofs] = kp, kd
         if np.allclose(slopes, stated_slopes, rtol=1e-3, atol=1e-3 * np.abs(stated_slopes).max()):

@@ -182,16 +182,16 @@ def _spelled_out(own: inspect.Signature) -> inspect.Signature:
     """
     *parameters, keywords = own.parameters.values()
     (shape,) = get_args(keywords.annotation)
-    spelled = list[inspect.Parameter]()
+    new_parameters = list[inspect.Parameter]()
     for name, annotation in get_type_hints(shape, include_extras=True).items():
         described = next(entry for entry in get_args(annotation) if isinstance(entry, Parameter))
         default = () if described.kind == list[str] else None
-        spelled.append(
+        new_parameters.append(
             inspect.Parameter(
                 name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation
             )
         )
-    return own.replace(parameters=[*parameters, *spelled])
+    return own.replace(parameters=[*parameters, *new_parameters])
 
 
 def is_declared(function: object) -> bool:

@@ -43,7 +43,7 @@ def complete_words(words: Sequence[str]) -> list[str]:
 
 def replacement_of(command: str, *rest: str) -> str:
     """Return the words that replace a command of an earlier version; empty for other words."""
-    renamed = {
+    new_names = {
         "baseline": "compare BASELINE CANDIDATE --update",
         "check": "examine MODEL --section checks",
         "engines": "parity --closed-forms",
@@ -54,4 +54,4 @@ def replacement_of(command: str, *rest: str) -> str:
     }
     if (command, *rest) == ("engines", "add"):
         return "parity --install NAME"
-    return renamed.get(command, "")
+    return new_names.get(command, "")

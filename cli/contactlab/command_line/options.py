@@ -208,7 +208,7 @@ def study_folder(study: str, subject: object, output: str | Path | None) -> Path
     return RESULTS / study / model_name(str(subject)) if output is None else folder_of(output)
 
 
-def beside(store: "Address", ending: str) -> Path:
+def path_next_to(store: "Address", ending: str) -> Path:
     """Return the path next to a store, its name with an ending; in this folder for a bucket."""
     if not isinstance(store, Path):
         return Path(f"{store.name}{ending}")

@@ -181,8 +181,8 @@ def misunderstood(error: typer.TyperException, words: Sequence[str]) -> CommandL
     command, help_text = f"`{path}`", f"see `{path} --help`"
     if option_name := getattr(error, "option_name", None):
         near = [*(getattr(error, "possibilities", None) or ())]
-        if valued := _WITHOUT_VALUE.search(message):
-            return CommandLineError(f"{valued[1]} needs a value; {help_text}")
+        if match := _WITHOUT_VALUE.search(message):
+            return CommandLineError(f"{match[1]} needs a value; {help_text}")
         hint = suggestion(option_name, near, alike=0.75) or help_text
         return CommandLineError(f"{command} has no option '{option_name}'; {hint}")
     parameter = getattr(error, "param", None)

@@ -43,11 +43,11 @@ def init(
     loader, reference = SceneLoader(path.parent), reference_from(path.parent, str(scene))
     text = starter_sweep(reference, loader)
     plan = read_sweep(text, loader.vocabulary).plan
-    beside = path.parent / SCHEMA_NAME
+    schema_file = path.parent / SCHEMA_NAME
     with write_errors(path):
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
-        beside.write_text(schema_texts()["sweep.schema.json"], encoding="utf-8")
-    say(f"wrote {path}, {plan.count} runs of {plan.sweep.duration:g} s each, and {beside}")
+        schema_file.write_text(schema_texts()["sweep.schema.json"], encoding="utf-8")
+    say(f"wrote {path}, {plan.count} runs of {plan.sweep.duration:g} s each, and {schema_file}")
     say(f"next: contactlab sweep {shell_word(path)}")
     return path

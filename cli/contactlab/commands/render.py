@@ -114,7 +114,7 @@ def render(
         camera=camera,
         speed=speed,
         at=at,
-        beside=side_by_side,
+        other_run=side_by_side,
     ):
         say(note)
     return target

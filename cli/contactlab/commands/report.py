@@ -137,7 +137,7 @@ def report(
             if option_value
         ]:
             raise OutputError(f"--{unread[0]} does not go with --live; leave it out")
-        page = opt.beside(address, ".live.html") if output is None else Path(output)
+        page = opt.path_next_to(address, ".live.html") if output is None else Path(output)
         rerun_with_mujoco(mujoco, None)
         from contactlab.live.live_page import write_live_page
 
@@ -154,7 +154,7 @@ def report(
     most = {"all": opened.columns.runs, "none": 0}.get(str(traces))
     count = int(traces) if most is None else most
     request = PageRequest(criteria, count, int(max_mb * 1e6), against, parity_path)
-    page = opt.beside(address, ".html") if output is None else Path(output)
+    page = opt.path_next_to(address, ".html") if output is None else Path(output)
     _check_name(page)
     return _print_notes(page, write_page(opened, page, request))
 

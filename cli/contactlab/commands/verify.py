@@ -102,9 +102,9 @@ def verify(
         unverified.append(
             f"records and traces of {len(chosen) - drawn_count:,} runs: {drawn_count:,} were drawn"
         )
-    loaded = {each.sha256 for each in loaded_plugins()}
+    loaded_hashes = {each.sha256 for each in loaded_plugins()}
     if plugins := "; ".join(
-        str(each) for each in opened.manifest.sweep.plugins if each.sha256 not in loaded
+        str(each) for each in opened.manifest.sweep.plugins if each.sha256 not in loaded_hashes
     ):
         say(
             f"{address} was written with plug-ins that are not loaded: {plugins}; "

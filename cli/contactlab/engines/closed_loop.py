@@ -260,20 +260,20 @@ class _Flight:
     def _ask_policy(self, call: int, step: int) -> Floats:
         """Return (n, nu) the policy's controls for its observations before a step."""
         try:
-            returned = np.asarray(self._policy(*self._observe_states(call, step)))
+            answer = np.asarray(self._policy(*self._observe_states(call, step)))
         except BaseException as error:
             raise self._policy_failure(f", at {step * self._timestep:g} s", error) from error
-        if returned.shape != self._controls.shape:
+        if answer.shape != self._controls.shape:
             raise _PolicyFailureError(
-                f"policy {self._name} returned an array of shape {returned.shape}; one control for "
+                f"policy {self._name} returned an array of shape {answer.shape}; one control for "
                 f"each run and actuator is {self._controls.shape}"
             )
-        if returned.dtype.kind not in "fiu":
+        if answer.dtype.kind not in "fiu":
             raise _PolicyFailureError(
-                f"policy {self._name} returned {returned.dtype}; controls are real numbers"
+                f"policy {self._name} returned {answer.dtype}; controls are real numbers"
             )
         # Adding 0 turns -0.0 into 0.0; no replay could distinguish them.
-        requested = returned.astype(np.float64) + 0.0
+        requested = answer.astype(np.float64) + 0.0
         if not np.isfinite(requested).all():
             # A run ends if the policy returned NaN or infinity for it.
             when = f"at {step * self._timestep:g} s"

@@ -31,12 +31,12 @@ _WILDCARDS = set("*?[]!")
 
 def check_names(policy: ComparePolicy, metrics: Iterable[str], labels: Iterable[str]) -> None:
     """Raise PolicyError if the policy names metrics or labels that are not in the stores."""
-    ruled = [name for name in policy.metrics if not set(name) & _WILDCARDS]
+    exact_names = [name for name in policy.metrics if not set(name) & _WILDCARDS]
     moved = [
         name for transition in policy.labels.allow for name in (transition.from_, transition.to)
     ]
     for what, kind, names, known_names in (
-        ("has a rule for", "metric", ruled, [*metrics, REMEASURED]),
+        ("has a rule for", "metric", exact_names, [*metrics, REMEASURED]),
         ("allows a transition of", "label", moved, list(labels)),
     ):
         for name in names:

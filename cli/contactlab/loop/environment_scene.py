@@ -96,11 +96,11 @@ class Environment:
     def _write_manifest(self, folder: Path, declared: SceneManifest) -> None:
         for file in self.files:
             shutil.copyfile(file, folder / file.name)
-        for beside in drive_files(declared.drive):
-            if not is_inner_name(beside):
-                raise SceneError(f"drive: {beside} is not below the folder of the manifest")
-            (folder / beside).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(self.folder / beside, folder / beside)
+        for drive_file in drive_files(declared.drive):
+            if not is_inner_name(drive_file):
+                raise SceneError(f"drive: {drive_file} is not below the folder of the manifest")
+            (folder / drive_file).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(self.folder / drive_file, folder / drive_file)
         environment_name = Path(self.name).name if self.files else self.name
         effects = {**declared.effects, "base": "all"}
         fixed = {"model": _MODEL_FILE, "environment": environment_name, "effects": effects}

@@ -128,9 +128,9 @@ class Listener(ABC):
                     self._set.append(reader.steps)
                     reader.start()
                 case StepEvent.ELSEWHERE:
-                    missed = reader.data.time > reader.time
+                    has_missed_steps = reader.data.time > reader.time
                     self._cut_episode(
-                        "the data was stepped without the recording" if missed else None
+                        "the data was stepped without the recording" if has_missed_steps else None
                     )
                 case _ if reader.is_large:
                     self._cut_episode(

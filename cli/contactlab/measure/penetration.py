@@ -426,9 +426,9 @@ def _lighter_weights(context: Context) -> Floats:
 def _carried_weights(context: Context) -> Floats:
     """Return (P, n) the median of each pair's normal force in the last fifth, in weights."""
     forces = fast_median(context.net.series.normal[..., context.last_fifth])
-    borne = forces[context.pairs.rows] / _lighter_weights(context)
+    weights = forces[context.pairs.rows] / _lighter_weights(context)
     max_weights = 1e9  # larger loads in weights occur only along directions without joint motion
-    return borne * (borne < max_weights)
+    return weights * (weights < max_weights)
 
 
 @metric("1", "lower", 1e-6, kind="detail")

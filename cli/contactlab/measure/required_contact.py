@@ -43,10 +43,13 @@ def pair_expectation(runs: MeasuredRuns) -> OnsetIterator:
             _find_wrong_modes(stretch, STICK),
             _find_mismatches(stretch),
         ):
-            for wanted, met, where in faults:
+            for expectation, observation, where in faults:
                 step = first_step(where)
                 time = runs.context.trace.time[stretch.run, step]
-                yield stretch.run, Onset(f"{wanted}, but {met}, from {time:.4g} s on", step)
+                yield (
+                    stretch.run,
+                    Onset(f"{expectation}, but {observation}, from {time:.4g} s on", step),
+                )
 
 
 @dataclass(frozen=True)
@@ -121,8 +124,8 @@ class _RequiredStretch:
         series = self.context.net.series.normal
         total = np.sum([series[row, self.run] for _, row in self.pairs], axis=0)
         judged = self.inside if self.expected.has_times else self.touching
-        means, found = np.full(len(total), np.nan), find_spans(judged[None])
-        for start, stop in zip(found.start.tolist(), found.stop.tolist(), strict=True):
+        means, spans = np.full(len(total), np.nan), find_spans(judged[None])
+        for start, stop in zip(spans.start.tolist(), spans.stop.tolist(), strict=True):
             # All of a shorter stretch.
             size = min(self.width, stop - start)
             sums = np.cumsum([0.0, *total[start:stop]])
@@ -187,16 +190,16 @@ def _stretch_margins(stretch: _RequiredStretch) -> Iterator[float]:
         yield (most - high) / (abs(most) or 1) if np.isfinite(most) else np.inf
 
 
-def _find_wrong_modes(stretch: _RequiredStretch, met: int) -> Faults:
-    if not stretch.forbids(met):
+def _find_wrong_modes(stretch: _RequiredStretch, mode: int) -> Faults:
+    if not stretch.forbids(mode):
         return
     slips, when = stretch.context.net.series.slip, stretch.expected.end or ""
     for name, row in stretch.pairs:
-        where = long_stretches(stretch.in_mode(row, met), stretch.width)
+        where = long_stretches(stretch.in_mode(row, mode), stretch.width)
         if where.any():
             fastest = format_amount(slips[row, stretch.run, where].max(), "mm/s")
             slides = f"slides, at up to {fastest}"
-            does = slides if met == SLIDE else "sticks"
+            does = slides if mode == SLIDE else "sticks"
             verb = _REQUIRED_VERBS[stretch.expected.word]
             yield f"{name} should {verb} {when}".rstrip(), does, where
 
@@ -209,9 +212,9 @@ def _find_mismatches(stretch: _RequiredStretch) -> Faults:
     least, most = expected.force
     apart = long_stretches(stretch.untouched, stretch.width)
     if apart.any():
-        wanted = _REQUIRED_VERBS.get(word, f"press with {least:.3g} N or more")
-        met = f"touches nothing for {np.count_nonzero(apart) * timestep:.3g} s"
-        yield f"{expected.name} should {wanted}", met, apart
+        verb = _REQUIRED_VERBS.get(word, f"press with {least:.3g} N or more")
+        observation = f"touches nothing for {np.count_nonzero(apart) * timestep:.3g} s"
+        yield f"{expected.name} should {verb}", observation, apart
     for name, row in stretch.pairs:
         if word == "apart" and (pressed := stretch.pressed(row)).any():
             force = stretch.context.net.series.normal[row, stretch.run, pressed].max()
@@ -224,9 +227,9 @@ def _find_mismatches(stretch: _RequiredStretch) -> Faults:
         elif word == "shallow":
             depth = stretch.depth(row)
             if (deep := depth > expected.depth).any():
-                met = f"is up to {format_amount(depth[deep].max(), 'mm')} deep"
+                observation = f"is up to {format_amount(depth[deep].max(), 'mm')} deep"
                 bound = format_amount(expected.depth, "mm")
-                yield f"{name} should be at most {bound} deep", met, deep
+                yield f"{name} should be at most {bound} deep", observation, deep
     if word != "presses":
         return
     mean = stretch.mean_force
@@ -235,19 +238,19 @@ def _find_mismatches(stretch: _RequiredStretch) -> Faults:
         (mean > most, np.fmax, f"{most:.3g} N or less"),
     ):
         if beyond.any():
-            met = f"presses with {worst.reduce(mean):.3g} N at worst"
-            yield f"{expected.name} should press with {bound}", met, beyond
+            observation = f"presses with {worst.reduce(mean):.3g} N at worst"
+            yield f"{expected.name} should press with {bound}", observation, beyond
 
 
 def long_stretches(mask: Mask, shortest: int) -> Mask:
     """Return (N,) the true steps of a mask that last for at least `shortest` steps."""
-    found, lasting = find_spans(mask[None]), mask.copy()
-    for start, stop in zip(found.start, found.stop, strict=True):
+    spans, lasting = find_spans(mask[None]), mask.copy()
+    for start, stop in zip(spans.start, spans.stop, strict=True):
         lasting[start:stop] = stop - start >= shortest
     return lasting
 
 
 def longest_stretch(mask: Mask) -> int:
     """Return the largest number of consecutive true steps of a mask (N,)."""
-    found = find_spans(mask[None])
-    return int((found.stop - found.start).max(initial=0))
+    spans = find_spans(mask[None])
+    return int((spans.stop - spans.start).max(initial=0))

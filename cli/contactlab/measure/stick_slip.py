@@ -43,9 +43,9 @@ class Spans:
 def find_spans(mask: NDArray[np.bool_]) -> Spans:
     """Return the stretches of true steps in `mask` (n, N)."""
     runs, steps = mask.shape
-    padded = np.zeros((runs, steps + 2), dtype=np.bool_)
-    padded[:, 1:-1] = mask
-    edges = np.flatnonzero(padded[:, 1:] != padded[:, :-1])
+    padded_mask = np.zeros((runs, steps + 2), dtype=np.bool_)
+    padded_mask[:, 1:-1] = mask
+    edges = np.flatnonzero(padded_mask[:, 1:] != padded_mask[:, :-1])
     run, step = np.divmod(edges, steps + 1)
     return Spans(run[::2], step[::2], step[1::2])
 

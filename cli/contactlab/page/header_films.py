@@ -64,7 +64,7 @@ class FocalPicture(NamedTuple):
 
     run: str
     label: str
-    beside: str
+    best_run: str
     time: float  # [s]
     source: str
 
@@ -92,7 +92,7 @@ def focal_picture(data: ReportData, worst: str | None) -> FocalPicture | None:
                 camera=None,
                 speed=None,
                 at=(time,),
-                beside=best,
+                other_run=best,
             )
             source = _encode_picture(path, "png")
         except (OutputError, SceneError):
@@ -141,7 +141,7 @@ def _draw_moment(store: Store, moment: "Moment") -> str:
             camera=None,
             speed=None,
             at=(moment.begin,),
-            beside=moment.beside,
+            other_run=moment.other_run,
             around=moment.body or None,
         )
         return _encode_picture(path, "svg+xml")
@@ -162,7 +162,7 @@ class Moment(NamedTuple):
     begin: float
     end: float
     words: str
-    beside: str | None = None
+    other_run: str | None = None
 
 
 def film_of_moment(store: Store, moment: Moment) -> Films:
@@ -185,7 +185,7 @@ def film_of_moment(store: Store, moment: Moment) -> Films:
                 camera=None,
                 speed=(between[1] - between[0]) / FILM_RULES.moment_seconds,
                 at=(),
-                beside=moment.beside,
+                other_run=moment.other_run,
                 between=between,
                 around=moment.body,
             )

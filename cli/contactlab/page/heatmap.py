@@ -188,13 +188,13 @@ def number_map(
     title: str,
     resolution: float = 0.0,
     room: Room = _LOOK.room,
-    beside: Floats | None = None,
+    other_values: Floats | None = None,
 ) -> Layered:
     """Return the map of a number (rows, columns), NaN for a cell without one; empty without axes.
 
-    Values `beside` are those of another map with the same colours.
+    `other_values` are those of another map with the same colours.
     """
-    scaled = values if beside is None else np.concatenate([values, beside])
+    scaled = values if other_values is None else np.concatenate([values, other_values])
     scale = number_scale(scaled[np.isfinite(scaled)].tolist(), resolution)
     colour = alt.Color("value:Q").scale(scheme="cividis", **scale)
     return _number_layers(axes, room, values, colour, title)

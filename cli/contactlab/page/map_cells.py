@@ -88,7 +88,7 @@ def _pick_values(
         return np.full(places.shape, values[0])
     before = np.vstack([np.zeros_like(counts[:1]), counts.cumsum(axis=0)])
     part = np.stack([(before[1:, filled] <= place).sum(axis=0) for place in places])
-    picked = np.empty(places.shape)
+    picked_values = np.empty(places.shape)
     for each in np.unique(part).tolist():
         kinds, cells = np.nonzero(part == each)
         is_wanted = np.zeros(counts.shape[1], np.bool_)
@@ -100,8 +100,8 @@ def _pick_values(
         starts = np.where(is_wanted, counts[each], 0)
         starts = starts.cumsum() - starts - before[each]
         chosen = rows[starts[filled[cells]] + places[kinds, cells]]
-        picked[kinds, cells] = values[ends[each] + chosen]
-    return picked
+        picked_values[kinds, cells] = values[ends[each] + chosen]
+    return picked_values
 
 
 def most_frequent_failure(counts: NDArray[np.int64], labels: RunLabels) -> NDArray[np.int64]:

@@ -86,7 +86,7 @@ def outline_text(svg: str) -> str:
 def _draw_text(text: ET.Element, fonts: Sequence[_Font]) -> str | None:
     """Return the path of a text, line by line; None where a glyph is missing."""
     is_bold = text.get("font-weight") in {"bold", "600", "700", "800", "900"}
-    ranked = sorted(fonts, key=lambda font: ("Bold" in font.name) != is_bold)
+    ranked_fonts = sorted(fonts, key=lambda font: ("Bold" in font.name) != is_bold)
     size = float(text.get("font-size", "11px").removesuffix("px"))
     starts = {"start": 0.0, "middle": -0.5, "end": -1.0}
     anchor = starts[text.get("text-anchor", "start")]
@@ -95,7 +95,8 @@ def _draw_text(text: ET.Element, fonts: Sequence[_Font]) -> str | None:
         down += float(line.get("dy", 0)) if line is not text else 0.0
         characters = " ".join((line.text or "").split())
         chosen = [
-            next((font for font in ranked if letter in font.glyphs), None) for letter in characters
+            next((font for font in ranked_fonts if letter in font.glyphs), None)
+            for letter in characters
         ]
         set_in = [font for font in chosen if font is not None]
         if len(set_in) < len(characters):

@@ -78,9 +78,9 @@ def _list_signals(
         spread = np.nan_to_num(np.nanmax(trace.qpos, axis=0) - np.nanmin(trace.qpos, axis=0))
     entries = qpos_entries(trace.model_xml, trace.qpos.shape[1], joints)
     # Heights come first, then the coordinates that move most.
-    ranked = sorted(entries, key=lambda entry: (not entry.is_height, -spread[entry.index]))
+    ranked_entries = sorted(entries, key=lambda entry: (not entry.is_height, -spread[entry.index]))
     most_coordinates = 6
-    for entry in ranked[:most_coordinates]:
+    for entry in ranked_entries[:most_coordinates]:
         values = trace.qpos[:, entry.index]
         yield entry.name, entry.unit, "motion", values, thin_indices(values)
     for pair in trace.pairs:

@@ -252,17 +252,19 @@ def _prune_errors(
     data: dict[str, object], error: ValidationError, depth: int
 ) -> tuple[dict[str, object], dict[str, list[int]]]:
     bad = {file_path(detail["loc"])[:depth] for detail in error.errors(include_url=False)}
-    pruned: dict[str, object] = {}
+    pruned_data: dict[str, object] = {}
     positions: dict[str, list[int]] = {}
     for key, value in data.items():
         if (key,) in bad:
             continue
-        pruned[key] = value
+        pruned_data[key] = value
         if isinstance(value, dict):
             inner = cast("dict[str, object]", value)
-            pruned[key] = {name: part for name, part in inner.items() if (key, name) not in bad}
+            pruned_data[key] = {
+                name: part for name, part in inner.items() if (key, name) not in bad
+            }
         elif isinstance(value, list) and depth == 2:
             items = cast("list[object]", value)
             positions[key] = [index for index in range(len(items)) if (key, index) not in bad]
-            pruned[key] = [items[index] for index in positions[key]]
-    return pruned, positions
+            pruned_data[key] = [items[index] for index in positions[key]]
+    return pruned_data, positions

@@ -176,8 +176,8 @@ class Document:
 
 def document_of(*sections: Section | Sequence[Block]) -> Document:
     """Return a document of sections, or of the blocks of sections; empty ones are left out."""
-    built = [one if isinstance(one, Section) else Section(tuple(one)) for one in sections]
-    return Document(tuple(section for section in built if section.blocks))
+    all_sections = [one if isinstance(one, Section) else Section(tuple(one)) for one in sections]
+    return Document(tuple(section for section in all_sections if section.blocks))
 
 
 def table_of(
@@ -196,23 +196,23 @@ def table_of(
         droppable: number of the last columns that a narrow terminal may leave out.
     """
     shown_rows = rows if most is None else rows[:most]
-    built: list[Column] = []
+    all_columns: list[Column] = []
     for place, column in enumerate(columns):
         if isinstance(column, Column):
-            built.append(column)
+            all_columns.append(column)
             continue
         numeric = bool(shown_rows) and all(
             isinstance(row[place], int | float) for row in shown_rows
         )
         optional = place >= len(columns) - droppable
-        built.append(Column(column, "right" if numeric else "left", droppable=optional))
+        all_columns.append(Column(column, "right" if numeric else "left", droppable=optional))
     more = (
         f"and {len(rows) - len(shown_rows):,} more, see --format json"
         if rows[len(shown_rows) :]
         else ""
     )
     return Table(
-        tuple(built), tuple(Row(tuple(map(cell_of, row))) for row in shown_rows), more=more
+        tuple(all_columns), tuple(Row(tuple(map(cell_of, row))) for row in shown_rows), more=more
     )
 
 

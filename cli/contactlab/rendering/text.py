@@ -113,7 +113,7 @@ def _table_lines(table: Table, width: int, paint: Paint) -> Iterator[str]:
         and columns[column_count - 1].droppable
     ):
         column_count -= 1
-    columns, dropped = columns[:column_count], columns[column_count:]
+    columns, dropped_columns = columns[:column_count], columns[column_count:]
     if _total_width(least[:column_count]) > width:
         yield from _block_rows(table, rows, width)
         return
@@ -130,8 +130,8 @@ def _table_lines(table: Table, width: int, paint: Paint) -> Iterator[str]:
             yield from wrap_text(f"{group}:", width).split("\n") if group else ()
         yield from _row_lines(columns, cells[:column_count], widths, paint)
         yield from _detail_lines(row, width)
-    if dropped:
-        names = ", ".join(column.name for column in dropped)
+    if dropped_columns:
+        names = ", ".join(column.name for column in dropped_columns)
         yield from wrap_text(f"not shown: {names}; --format csv has all", width).split("\n")
 
 
@@ -192,17 +192,17 @@ def _fit_widths(widths: Sequence[int], least: Sequence[int], width: int) -> list
 def _row_lines(
     columns: Sequence[Column], cells: Sequence[str], widths: Sequence[int], paint: Paint
 ) -> Iterator[str]:
-    wrapped = [
+    wrapped_cells = [
         _wrap_cell(cell, width, breakable=column.breakable)
         for column, cell, width in zip(columns, cells, widths, strict=True)
     ]
-    for place in range(max(map(len, wrapped))):
+    for place in range(max(map(len, wrapped_cells))):
         line = ""
-        for column, lines, width in zip(columns, wrapped, widths, strict=True):
+        for column, lines, width in zip(columns, wrapped_cells, widths, strict=True):
             text = lines[place] if place < len(lines) else ""
             space = " " * (width - len(text))
-            painted = paint(column.name, text) if text else ""
-            line += (space + painted if column.align == "right" else painted + space) + _GAP
+            cell_text = paint(column.name, text) if text else ""
+            line += (space + cell_text if column.align == "right" else cell_text + space) + _GAP
         yield printable(line.rstrip()) if paint is _keep_text else line.rstrip()
 
 

@@ -181,6 +181,9 @@ def tabulate_axis_values(
         yield table_of(("axis", "value", "runs", "stable", "other labels"), rows)
     if alike:
         yield Sentence(f"The same counts at each value of {', '.join(alike)}.")
-    shown = {*alike, *(axis.name for axis in axes if any(row[0] == axis.title for row in rows))}
-    if other_axes := [axis.name for axis in axes if axis.name not in shown]:
+    shown_axes = {
+        *alike,
+        *(axis.name for axis in axes if any(row[0] == axis.title for row in rows)),
+    }
+    if other_axes := [axis.name for axis in axes if axis.name not in shown_axes]:
         yield Sentence(f"also swept: {', '.join(other_axes)}")

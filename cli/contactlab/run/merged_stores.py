@@ -64,7 +64,7 @@ def merge_stores(
         identity,
         StoredScene(first.path / SCENES / identity.scene_hash),
         fresh=fresh,
-        beside={
+        more_files={
             folder.name: StoredScene(folder)
             for folder in sorted((first.path / SCENES).iterdir())
             if folder.name != identity.scene_hash
@@ -146,19 +146,19 @@ def _scene_files(manifest: StoreManifest) -> dict[str, str]:
 def _count_runs(stores: Sequence[Store]) -> int:
     """Return the total number of runs. Raises a StoreError with a run that two stores have."""
     places = [store.columns.numbers("index").values for store in stores]
-    joined = np.concatenate(places)
-    order = np.argsort(joined, kind="stable")
+    all_places = np.concatenate(places)
+    order = np.argsort(all_places, kind="stable")
     of_store = np.repeat(np.arange(len(stores)), [len(part) for part in places])[order]
-    twice = np.flatnonzero(np.diff(joined[order]) == 0)
+    twice = np.flatnonzero(np.diff(all_places[order]) == 0)
     if len(twice):
         one, other = (stores[store] for store in of_store[twice[0] : twice[0] + 2])
-        (row,) = np.flatnonzero(one.columns.numbers("index").values == joined[order[twice[0]]])
+        (row,) = np.flatnonzero(one.columns.numbers("index").values == all_places[order[twice[0]]])
         if one.address == other.address:
             raise StoreError(f"{one.address} is named twice; name it once")
         both = f"{one.address} and {other.address} both have run {one.columns.run_id(row)}"
         others = f" and {plural(len(twice) - 1, 'other')}" if len(twice) > 1 else ""
         raise StoreError(f"{both}{others}; leave one out")
-    return len(joined)
+    return len(all_places)
 
 
 def _gaps_text(stores: Sequence[Store], runs: int, lacking: Sequence[str]) -> str:

@@ -152,10 +152,10 @@ def make_environment(
     EngineError, with this advice, if a package cannot be installed, and the error of the check.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder.parent, prefix="new-") as beside:
-        new_folder = Path(beside) / "environment"
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix="new-") as work_folder:
+        new_folder = Path(work_folder) / "environment"
         for command in install_commands(new_folder, packages):
-            installation = run_installer(command, Path(beside))
+            installation = run_installer(command, Path(work_folder))
             if installation.returncode:
                 output = (installation.stderr or installation.stdout).strip().splitlines()
                 # Number of reported lines of a failing installer.

@@ -48,8 +48,8 @@ def read_stored_identity(address: Address) -> SweepIdentity | None:
     try:
         if (manifest := backend.read_file(MANIFEST)) is not None:
             return parse_manifest(manifest, address).sweep
-        begun = backend.read_file(IDENTITY)
-        return None if begun is None else parse_identity(begun, address)
+        identity = backend.read_file(IDENTITY)
+        return None if identity is None else parse_identity(identity, address)
     except StoreError:
         return None
 

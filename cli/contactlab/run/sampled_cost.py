@@ -109,9 +109,9 @@ def _open_worker(request: SweepRequest, index: RunIndex, store: Path) -> Worker:
     policy = allowed_policy(request.scene.drive, allowed=request.allow_code)
     request = replace(request, store=store, fresh=False, shard=None)
     identity, drive = identity_of(request, index), request.scene.drive
-    beside = {drive.hash: drive} if request.plan.sweep.drive and drive.hash else {}
+    drive_files = {drive.hash: drive} if request.plan.sweep.drive and drive.hash else {}
     with open_writer(
-        store, identity, request.scene.source.content, fresh=False, beside=beside
+        store, identity, request.scene.source.content, fresh=False, more_files=drive_files
     ) as writer:
         assert isinstance(writer, StoreWriter)
         return Worker(make_task(request, identity, writer, policy), None)

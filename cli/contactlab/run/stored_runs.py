@@ -70,8 +70,8 @@ def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, RunSpec]:
     plug-in that it was run with is not loaded.
     """
     record = store.record(run)
-    loaded = {plugin.name for plugin in loaded_plugins()}
-    missing = [str(plugin) for plugin in record.plugins if plugin.name not in loaded]
+    loaded_names = {plugin.name for plugin in loaded_plugins()}
+    missing = [str(plugin) for plugin in record.plugins if plugin.name not in loaded_names]
     try:
         find_engine(record.engine.name)
         scene = open_store_scene(store)

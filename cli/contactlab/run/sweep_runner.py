@@ -113,7 +113,7 @@ def run_sweep(
         repair=request.repair,
         is_planned=index.has_run,
         # The files of the sweep's drive, in a folder of their own; a scene has its own.
-        beside={drive.hash: drive} if request.plan.sweep.drive and drive.hash else {},
+        more_files={drive.hash: drive} if request.plan.sweep.drive and drive.hash else {},
     )
     with writer as store:
         if isinstance(store, StoreManifest):

@@ -188,7 +188,7 @@ def receive_result(worker: WorkerHandle) -> Result:
     job, worker.job = worker.job, None
     assert job is not None
     try:
-        received = worker.pipe.recv()
+        result = worker.pipe.recv()
     except (EOFError, OSError):
         worker.process.join()
         worker.pipe.close()
@@ -205,9 +205,9 @@ def receive_result(worker: WorkerHandle) -> Result:
         else:
             reason = f"the worker exited with code {code}"
         return Crashed(job, reason, bool(traceback) or code == -signal.SIGALRM)
-    if isinstance(received, Exception):
-        raise received
-    return received
+    if isinstance(result, Exception):
+        raise result
+    return result
 
 
 def close(workers: Collection[WorkerHandle]) -> None:
@@ -264,14 +264,14 @@ def _runs_code(task: Task) -> bool:
 
 def _printed_output() -> Callable[[], None]:
     # Output of code in this process reaches stderr as text, after each job.
-    stderr, printed = os.dup(2), PrintedFile()
-    printed.receive_output()
+    stderr, output_file = os.dup(2), PrintedFile()
+    output_file.receive_output()
 
     def show_text() -> None:
         with contextlib.suppress(OSError, ValueError):
             sys.stdout.flush()
             sys.stderr.flush()
-            os.write(stderr, printed.take_text().encode(errors="replace"))
+            os.write(stderr, output_file.take_text().encode(errors="replace"))
 
     return show_text
 

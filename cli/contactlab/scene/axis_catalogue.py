@@ -116,9 +116,9 @@ def _list_start_axes(base: CompiledScene) -> Iterator[AxisSpec]:
     heights = free_body_heights(base.model)
     for name, index in start_coordinates(base.model).items():
         text = "velocity at the start" if index >= base.model.nq else "coordinate at the start"
-        raised = (DROP_HEIGHT,) if index in heights else ()
+        conflicts = (DROP_HEIGHT,) if index in heights else ()
         unit = coordinate_unit(base.model, index)
-        yield AxisSpec(name, unit, text, number_parser(), conflicts=raised)
+        yield AxisSpec(name, unit, text, number_parser(), conflicts=conflicts)
     if heights:
         text = "height of the free bodies above their start as written"
         yield AxisSpec(DROP_HEIGHT, "m", text, number_parser())

@@ -60,13 +60,13 @@ class InitialStates(NamedTuple):
 
     def select_run(self, run: int) -> "InitialStates":
         """Return the initial state of one run (n is 1)."""
-        picked = {name: getattr(self, name)[run : run + 1] for name in STATE_PARTS}
-        return self._replace(**picked, signals=(self.signals[run],))
+        selected_parts = {name: getattr(self, name)[run : run + 1] for name in STATE_PARTS}
+        return self._replace(**selected_parts, signals=(self.signals[run],))
 
     def select_runs(self, runs: Sequence[int]) -> "InitialStates":
         """Return the initial states of some runs."""
-        picked = {name: getattr(self, name)[list(runs)] for name in STATE_PARTS}
-        return self._replace(**picked, signals=tuple(self.signals[run] for run in runs))
+        selected_parts = {name: getattr(self, name)[list(runs)] for name in STATE_PARTS}
+        return self._replace(**selected_parts, signals=tuple(self.signals[run] for run in runs))
 
     def with_recorded_inputs(self, controls: Sequence[RecordedControls]) -> "InitialStates":
         """Return these states with recorded inputs, one for each run, in place of all others."""

@@ -125,9 +125,9 @@ class FileSearch:
     def find_included(self, element: ET.Element, file: Path, base: Path) -> Reference:
         """Return the file that an <include> names, in a model of a base folder."""
         name = element.get("file", "")
-        reference, beside = (self.find_file(folder, name) for folder in (base, file.parent))
-        is_right = reference.path.is_file() or not beside.path.is_file()
-        return reference if is_right else beside
+        reference, nearby = (self.find_file(folder, name) for folder in (base, file.parent))
+        is_right = reference.path.is_file() or not nearby.path.is_file()
+        return reference if is_right else nearby
 
     def find_assets(
         self, element: ET.Element, file: Path, base: Path, compiler: Mapping[str, str]
@@ -150,9 +150,9 @@ class FileSearch:
                 continue
             name = Path(name).name if strip else name
             assets[key] = self.find_file(base, Path(folder) / name)
-            beside = self.find_file(file.parent, name)
-            if not assets[key].path.is_file() and beside.path.is_file():
-                assets[key] = beside
+            nearby = self.find_file(file.parent, name)
+            if not assets[key].path.is_file() and nearby.path.is_file():
+                assets[key] = nearby
         return assets
 
     def find_file(self, base: Path, name: str | Path) -> Reference:
@@ -241,19 +241,21 @@ class SceneFiles:
             shutil.copyfile(self.root / file, target)
 
 
-def collect_files(model: Path, beside: Sequence[Path] = (), copy: Path | None = None) -> SceneFiles:
+def collect_files(
+    model: Path, scene_files: Sequence[Path] = (), copy: Path | None = None
+) -> SceneFiles:
     """Return the model file, its includes and assets, the manifest and its files, if any.
 
     Missing assets are left for the compiler to report: it does not need them all. Besides the model
     are the manifest and the files that it names; the folder of a store's copy may hold them. A
     SceneError names a file that cannot be read, is not XML, or is not the scene's to name.
     """
-    model, others = _make_plain_path(model), set(map(_make_plain_path, beside))
+    model, others = _make_plain_path(model), set(map(_make_plain_path, scene_files))
     try:
         search = FileSearch(copy and _make_plain_path(copy))
         references = list(search.iterate_references(model))
         paths = {model, *others, *(_make_plain_path(reference.path) for reference in references)}
-        check_places(paths, beside[0].parent if beside else model, copy)
+        check_places(paths, scene_files[0].parent if scene_files else model, copy)
         existing = [reference for reference in references if reference.path.is_file()]
         files = {model, *others, *(_make_plain_path(reference.path) for reference in existing)}
         for path in files:

@@ -89,8 +89,8 @@ def _is_inside(file: Path, home: Path, tree: Path) -> bool:
     if any(part.startswith(".") for part in file.relative_to(near).parts):
         return False
     ros = next((parent for parent in file.parents if (parent / _ROS_PACKAGE).is_file()), None)
-    beside = ros is not None and ros.parent in home.parents and not _is_shared(ros)
-    return file.is_relative_to(tree) or beside
+    is_in_package = ros is not None and ros.parent in home.parents and not _is_shared(ros)
+    return file.is_relative_to(tree) or is_in_package
 
 
 def _read_allowed_folders() -> list[Path]:

@@ -66,11 +66,11 @@ def name_by_address(spec: mujoco.MjSpec) -> None:
             for kind, members in names.items()
         }
     for kind, elements in kinds.items():
-        taken = {element.name for element in elements}
+        used_names = {element.name for element in elements}
         for element, index in zip(elements, ids[kind], strict=True):
             if not element.name and index >= 0:
                 address = f"{kind}[{index}]"
-                while address in taken:
+                while address in used_names:
                     address += "_"
                 element.name = address
 
@@ -81,9 +81,9 @@ def _object_id(model: mujoco.MjModel, kind: str, name: str) -> int:
 
 def find_id(model: mujoco.MjModel, kind: str, name: str) -> int:
     """Return the id of an object of a compiled scene by name or address; -1 if there is none."""
-    found = _object_id(model, kind, name)
-    old = _OLD_ADDRESS.fullmatch(name) if kind == "geom" and found < 0 else None
-    return _object_id(model, kind, f"geom[{old[1]}]") if old else found
+    object_id = _object_id(model, kind, name)
+    old = _OLD_ADDRESS.fullmatch(name) if kind == "geom" and object_id < 0 else None
+    return _object_id(model, kind, f"geom[{old[1]}]") if old else object_id
 
 
 def name_of(model: mujoco.MjModel, kind: str, index: int) -> str:
@@ -109,7 +109,7 @@ def geom_names_by_address(model: mujoco.MjModel) -> dict[str, str]:
 def geom_name_replacer(model: mujoco.MjModel) -> Replacer:
     """Return the function that replaces addresses of geoms in a text, such as a pair's name."""
     words = geom_names_by_address(model)
-    return lambda text: _GEOM_ADDRESS.sub(lambda found: words.get(found[0], found[0]), text)
+    return lambda text: _GEOM_ADDRESS.sub(lambda match: words.get(match[0], match[0]), text)
 
 
 def printed_geom_name(model: mujoco.MjModel, geom: int) -> str:
@@ -168,24 +168,24 @@ def coordinate_indices(model: mujoco.MjModel) -> dict[str, int]:
     force [N] and torque [N m] at the body's center of mass, world frame; ACTUATOR.ctrl is a
     constant control.
     """
-    starts, found = part_starts(model), dict[str, int]()
+    starts, indices = part_starts(model), dict[str, int]()
     for body in range(1, model.nbody):
         for offset, part in enumerate(_FORCE_SUFFIXES):
-            found[name_of(model, "body", body) + part] = starts["applied"] + 6 * body + offset
+            indices[name_of(model, "body", body) + part] = starts["applied"] + 6 * body + offset
     for actuator in range(model.nu):
-        found[f"{name_of(model, 'actuator', actuator)}.ctrl"] = starts["ctrl"] + actuator
-    return found | dict(_joint_coordinates(model, starts))
+        indices[f"{name_of(model, 'actuator', actuator)}.ctrl"] = starts["ctrl"] + actuator
+    return indices | dict(_joint_coordinates(model, starts))
 
 
 def mocap_coordinates(model: mujoco.MjModel) -> dict[str, int]:
     """Return BODY.x to .z [m] and .qw to .qz of every mocap body, in MuJoCo's order of poses."""
-    found, first = dict[str, int](), part_starts(model)["mocap"]
+    indices, first = dict[str, int](), part_starts(model)["mocap"]
     for body in np.flatnonzero(np.asarray(model.body_mocapid) >= 0).tolist():
         name, place = name_of(model, "body", body), int(model.body_mocapid[body])
         starts = (*range(3 * place, 3 * place + 3), *range(4 * place, 4 * place + 4))
         for offset, (part, start) in enumerate(zip(_POSE_SUFFIXES, starts, strict=True)):
-            found[name + part] = first + start + (3 * model.nmocap if offset >= 3 else 0)
-    return found
+            indices[name + part] = first + start + (3 * model.nmocap if offset >= 3 else 0)
+    return indices
 
 
 def start_coordinates(model: mujoco.MjModel) -> dict[str, int]:
@@ -223,10 +223,10 @@ def match_coordinates(model: mujoco.MjModel, pattern: str, *, mocap: bool = Fals
     Raises a SceneError if nothing matches.
     """
     known = coordinate_indices(model) | (mocap_coordinates(model) if mocap else {})
-    found = dict.fromkeys(known[name] for name in match_names(known, pattern))
-    if not found:
+    matches = dict.fromkeys(known[name] for name in match_names(known, pattern))
+    if not matches:
         raise SceneError(f"the model has no coordinate '{pattern}'{did_you_mean(pattern, known)}")
-    return list(found)
+    return list(matches)
 
 
 def input_names(model: mujoco.MjModel, places: Sequence[int] = ()) -> list[str]:

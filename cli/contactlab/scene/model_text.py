@@ -53,13 +53,13 @@ def attribute_text(values: Mapping[str, str]) -> str:
     replaced = str.maketrans(
         {"&": "&amp;", "<": "&lt;", ">": "&gt;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
     )
-    found = ""
+    text_of_values = ""
     for name, value in values.items():
         text, quote = value.translate(replaced), '"'
         if '"' in text:
             quote, text = ("'", text) if "'" not in text else ('"', text.replace('"', "&quot;"))
-        found += f" {name}={quote}{text}{quote}"
-    return found
+        text_of_values += f" {name}={quote}{text}{quote}"
+    return text_of_values
 
 
 def line_of(data: bytes, place: int) -> int:
@@ -69,17 +69,17 @@ def line_of(data: bytes, place: int) -> int:
 
 def elements_of(data: bytes) -> list[ElementText]:
     """Return the elements of an XML text, in the order of their start tags."""
-    found: list[ElementText] = []
+    elements: list[ElementText] = []
     unclosed: list[int] = []
     for markup in _XML_MARKUP.finditer(data):
         if markup[0].startswith(b"</"):
             place = unclosed.pop()
-            found[place] = found[place]._replace(end=markup.end())
+            elements[place] = elements[place]._replace(end=markup.end())
         elif not markup[0].startswith((b"<!", b"<?")):
             if not markup[0].endswith(b"/>"):
-                unclosed.append(len(found))
-            found.append(ElementText(markup.start(), markup.end(), markup.end()))
-    return found
+                unclosed.append(len(elements))
+            elements.append(ElementText(markup.start(), markup.end(), markup.end()))
+    return elements
 
 
 def with_attributes(
@@ -152,22 +152,22 @@ class Origins:
     @classmethod
     def lay_out(cls, main: Path, copy: Path) -> "Origins":
         """Lay out a copied model, and the models that it attaches, over their files."""
-        found = cls(FileSearch(copy))
-        for root, path, origins in list(found._laid_out_documents(main)):
+        origins_of_copy = cls(FileSearch(copy))
+        for root, path, origins in list(origins_of_copy._laid_out_documents(main)):
             ET.indent(root)
-            root.text = "\n" * (1 + max(found.by_line, default=0))
+            root.text = "\n" * (1 + max(origins_of_copy.by_line, default=0))
             ET.ElementTree(root).write(path)
             data = path.read_bytes()
             line, place = 1, 0
             for element, text in zip(root.iter(), elements_of(data), strict=True):
                 line += data.count(b"\n", place, text.start)
                 place = text.start
-                found.by_line[line] = origins[element]
+                origins_of_copy.by_line[line] = origins[element]
                 if path == main:
-                    found.last[element.tag] = origins[element]
+                    origins_of_copy.last[element.tag] = origins[element]
                     if element.tag == "key":
-                        found.keyframes.append(origins[element])
-        return found
+                        origins_of_copy.keyframes.append(origins[element])
+        return origins_of_copy
 
     def _laid_out_documents(
         self, path: Path
@@ -183,11 +183,11 @@ class Origins:
             file, _ = origins[element]
             if file != own:
                 here = self.search.find_assets(element, path, path.parent, compiler)
-                for key, found in self.search.find_assets(
+                for key, asset in self.search.find_assets(
                     element, file, path.parent, compiler
                 ).items():
-                    if found != here[key]:
-                        element.set(key, str(found.path))
+                    if asset != here[key]:
+                        element.set(key, str(asset.path))
         yield root, path, origins
         for model in root.iter("model"):
             if name := model.get("file"):

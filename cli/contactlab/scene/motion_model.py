@@ -121,9 +121,9 @@ def _write_rows(model: mujoco.MjModel, keeps: Mapping[str, Keep]) -> bytes:
     # A saved model is a header with all sizes, the options, and all arrays in the order of mjModel.
     from mujoco.introspect.structs import STRUCTS  # noqa: PLC0415 - for heavy models only
 
-    saved = np.empty(mujoco.mj_sizeModel(model), np.uint8)
-    mujoco.mj_saveModel(model, None, saved)
-    whole, addresses = saved.data, _list_addresses(model, keeps)
+    saved_model = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, saved_model)
+    whole, addresses = saved_model.data, _list_addresses(model, keeps)
     chunks, sizes = list[bytes | memoryview](), dict[str, int]()
     widths = {"int": 4, "mjtSize": 8}  # bytes of a size
     extents = dict[str, str]()
@@ -144,11 +144,11 @@ def _write_rows(model: mujoco.MjModel, keeps: Mapping[str, Keep]) -> bytes:
             rows = np.asarray(addresses.get(name, array))
             own = (rows[keeps[extent]] if extent in keeps else rows).tobytes()
         chunks.append(own)
-    padded = [_count_buffer(each) for each in (lengths.values(), map(len, chunks))]
-    if not 0 <= model.nbuffer - padded[0] < _LINE_BYTES:
+    buffer_sizes = [_count_buffer(each) for each in (lengths.values(), map(len, chunks))]
+    if not 0 <= model.nbuffer - buffer_sizes[0] < _LINE_BYTES:
         raise ValueError("arrays begin elsewhere")
     changed = {size: int(keep.sum()) for size, keep in keeps.items()}
-    changed["nbuffer"] = model.nbuffer + padded[1] - padded[0]
+    changed["nbuffer"] = model.nbuffer + buffer_sizes[1] - buffer_sizes[0]
     own, other = (
         b"".join(
             int(number).to_bytes(width, "little", signed=True)

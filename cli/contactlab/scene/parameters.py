@@ -130,10 +130,10 @@ def _parse_gravity(value: object) -> object:
 
 
 def _parse_condim(value: object) -> int:
-    parsed = integer_parser(1, 6)(value)
-    if parsed not in (1, 3, 4, 6):
+    dimension = integer_parser(1, 6)(value)
+    if dimension not in (1, 3, 4, 6):
         raise ValueError(f"write 1, 3, 4 or 6, not {value!r}")
-    return parsed
+    return dimension
 
 
 def _parse_solimp(value: object) -> object:

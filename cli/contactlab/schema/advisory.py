@@ -28,14 +28,14 @@ class AffectedReleases(Model):
 
     def __str__(self) -> str:
         """Return the range in words."""
-        begun = "" if self.introduced == ALL_EARLIER else f"{self.introduced} "
-        return f"{begun}before {self.fixed}" if self.fixed else f"from {self.introduced}"
+        first_release = "" if self.introduced == ALL_EARLIER else f"{self.introduced} "
+        return f"{first_release}before {self.fixed}" if self.fixed else f"from {self.introduced}"
 
     def includes_release(self, version: str) -> bool:
         """Return whether a release is in the range."""
         numbers = numbers_of(version)
-        begun = self.introduced == ALL_EARLIER or numbers_of(self.introduced) <= numbers
-        return begun and (self.fixed is None or numbers < numbers_of(self.fixed))
+        is_introduced = self.introduced == ALL_EARLIER or numbers_of(self.introduced) <= numbers
+        return is_introduced and (self.fixed is None or numbers < numbers_of(self.fixed))
 
 
 class Witness(Model):

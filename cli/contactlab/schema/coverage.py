@@ -196,7 +196,7 @@ class Exercised:
         Once these are features enough, no more rows are read.
         """
         features: set[Feature] = set()
-        united: dict[str, Any] = {}
+        coverage: dict[str, Any] = {}
         drives: list[object] = []
         pairs: dict[str, object] = {}
         is_proven = True
@@ -211,8 +211,8 @@ class Exercised:
                 features.update(get_args(Feature))
                 continue
             features.update(Coverage.model_validate_json(row["coverage"]).exercised)
-            united = _unite_values(united, json.loads(row["coverage"]))
-        whole = Coverage.model_validate(united)
+            coverage = _unite_values(coverage, json.loads(row["coverage"]))
+        whole = Coverage.model_validate(coverage)
         proven = whole if is_proven and drives else None
         return cls(whole.exercised | features, whole.present, tuple(drives), proven, tuple(pairs))
 

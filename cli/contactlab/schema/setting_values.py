@@ -74,10 +74,10 @@ def integer_parser(least: int, most: int = 2**31 - 1) -> Callable[[object], int]
     inner = number_parser(least=least, most=most)
 
     def parse(value: object) -> int:
-        parsed = inner(value)
-        if parsed != int(parsed):
+        number = inner(value)
+        if number != int(number):
             raise ValueError(f"write a whole number, not {value!r}")
-        return int(parsed)
+        return int(number)
 
     return parse
 
@@ -95,10 +95,10 @@ def vector_parser(
         parts = value.split() if isinstance(value, str) else value
         if not isinstance(parts, Sequence) or isinstance(parts, str) or len(parts) != count:
             raise ValueError(f"write {count} numbers ({names}), not {value!r}")
-        parsed = tuple(map(one, parts))
-        if wrong := check(parsed):
+        vector = tuple(map(one, parts))
+        if wrong := check(vector):
             raise ValueError(wrong)
-        return parsed
+        return vector
 
     return parse
 

@@ -147,8 +147,8 @@ class Store:
     def miscounts(self) -> Iterator[str]:
         """Yield the counts of the manifest that differ from those of the table."""
         for name, count in count_outcomes(self.columns.batches(OUTCOME_COLUMNS)).items():
-            if (stated := getattr(self.manifest, name)) != count:
-                yield f"{name} is {stated}, but {TABLE} has {count}"
+            if (stated_count := getattr(self.manifest, name)) != count:
+                yield f"{name} is {stated_count}, but {TABLE} has {count}"
 
     @cached_property
     def backend(self) -> Backend:

@@ -218,15 +218,15 @@ class RunColumns:
             self._source, metadata=self._file.metadata, read_dictionary=[name]
         )
         for rows, column in self.parts(name, by_codes):
-            encoded = column.dictionary_encode()
-            words = _python_values(encoded.dictionary)
+            dictionary = column.dictionary_encode()
+            words = _python_values(dictionary.dictionary)
             codes = np.array(
                 [codes_by_word.setdefault(word, len(codes_by_word)) for word in words], np.int32
             )
-            is_valid = numpy_array(compute_digests("is_valid", encoded.indices))
+            is_valid = numpy_array(compute_digests("is_valid", dictionary.indices))
             nulls = nulls or not is_valid.all()
             codes_of_runs[rows] = -1
-            codes_of_runs[rows][is_valid] = codes[numpy_array(encoded.indices)[is_valid]]
+            codes_of_runs[rows][is_valid] = codes[numpy_array(dictionary.indices)[is_valid]]
         codes_of_runs[codes_of_runs < 0] = len(codes_by_word)
         return CodedColumn(codes_of_runs, (*codes_by_word, *([None] if nulls else [])))
 
@@ -259,8 +259,8 @@ class RunColumns:
         texts = np.empty(self.runs, f"S{width}")
         for rows, column in self.parts(name):
             filled = compute_digests("coalesce", column, text_scalar(""))
-            padded = compute_digests("utf8_rpad", filled, options=pc.PadOptions(width, "\0"))
-            texts[rows] = np.frombuffer(padded.buffers()[2], texts.dtype, len(padded))
+            padded_texts = compute_digests("utf8_rpad", filled, options=pc.PadOptions(width, "\0"))
+            texts[rows] = np.frombuffer(padded_texts.buffers()[2], texts.dtype, len(padded_texts))
         return texts
 
     def identify(self, rows: Sequence[int]) -> list[dict[str, Any]]:

@@ -206,11 +206,11 @@ def open_writer(
     retry_failed: bool = False,
     repair: bool = False,
     is_planned: IsPlanned = lambda _run_id, _index: True,
-    beside: Mapping[str, CopyableFiles] = _NO_FIELDS,
+    more_files: Mapping[str, CopyableFiles] = _NO_FIELDS,
 ) -> Generator[StoreWriter | StoreManifest]:
     """Yield a writer for a new or interrupted store, or the manifest of a finished one.
 
-    An existing store can be removed, and its failed or damaged runs can be run again. `beside`
+    An existing store can be removed, and its failed or damaged runs can be run again. `more_files`
     lists other files by the name of their folder next to the scene's. Raises an OutputError if the
     place cannot be written, holds something else, or is in use; a StoreError if it holds a store of
     another sweep, or a damaged one.
@@ -238,7 +238,7 @@ def open_writer(
                 )
             write_journal(session.folder / JOURNAL, rows_to_keep)
             session.reopen_store()
-        run_ids = _prepare_store(rows, session, {identity.scene_hash: scene, **beside})
+        run_ids = _prepare_store(rows, session, {identity.scene_hash: scene, **more_files})
         writer = StoreWriter(session, identity, run_ids)
         try:
             yield writer
@@ -270,12 +270,12 @@ def _prepare_store(
 ) -> frozenset[str]:
     """Make a new store, or repair an interrupted one. Return the ids of its runs."""
     address, folder = rows.backend.address, session.folder
-    stored, begun = rows.backend.read_file(IDENTITY), None
+    stored, stored_identity = rows.backend.read_file(IDENTITY), None
     if stored is None:
         _refuse_foreign(rows.backend, "choose another place with -o")
     else:
         try:
-            begun = parse_identity(stored, address)
+            stored_identity = parse_identity(stored, address)
         except StoreError as error:
             if not rows.repair:
                 message = f"{error}; add --repair to keep the valid runs, or --fresh to start over"
@@ -283,8 +283,10 @@ def _prepare_store(
         else:
             if rows.repair:
                 # Only its definitions must be the same.
-                begun = rows.identity.model_copy(update={"definitions": begun.definitions})
-            check_same_sweep(address, begun, rows.identity)
+                stored_identity = rows.identity.model_copy(
+                    update={"definitions": stored_identity.definitions}
+                )
+            check_same_sweep(address, stored_identity, rows.identity)
     session.fetch_journal()
     has_lines = (folder / JOURNAL).is_file() and (folder / JOURNAL).stat().st_size > 0
     if stored is None and not rows.repair and has_lines:
@@ -292,14 +294,14 @@ def _prepare_store(
             f"{address} has runs but no {IDENTITY}, so their sweep is unknown; add --repair to "
             "keep those that this sweep plans, or --fresh to start over"
         )
-    is_begun = begun is not None and not rows.repair
+    is_begun = stored_identity is not None and not rows.repair
     for name, files in folders.items():
         _copy_files(files, folder / SCENES / name, is_begun=is_begun)
     continues = (
-        begun is not None
+        stored_identity is not None
         and is_begun
-        and (begun.whole is None or shard_of(begun) is not None)
-        and chooses_alike(begun, rows.identity)
+        and (stored_identity.whole is None or shard_of(stored_identity) is not None)
+        and chooses_alike(stored_identity, rows.identity)
     )
     if not continues:
         session.begin_store(rows.identity)

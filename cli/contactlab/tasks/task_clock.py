@@ -181,8 +181,10 @@ class Clock:
         for phase in self._reference.phases:
             count = min(_LIMITS.most_count, len(phase.starts))
             places = np.linspace(0, len(phase.starts) - 1, count).astype(int)
-            begun = phase.starts_and_inputs(multiple, phase.starts[places], counted_steps)
-            for start, inputs in zip(*begun, strict=True):
+            starts_and_inputs = phase.starts_and_inputs(
+                multiple, phase.starts[places], counted_steps
+            )
+            for start, inputs in zip(*starts_and_inputs, strict=True):
                 mujoco.mj_resetData(stepped_model, data)  # wakes sleeping bodies
                 mujoco.mj_setState(stepped_model, data, start, INTEGRATION)
                 rows = inputs if inputs.shape[1] else None
@@ -243,8 +245,8 @@ class Clock:
         for phase in self._reference.phases:
             count = min(self._segment_count, len(phase.starts))
             places = np.linspace(0, len(phase.starts) - 1, count).astype(int)
-            begun = phase.starts_and_inputs(multiple, phase.starts[places], steps)
-            segments.append(Segment(*begun, phase.motion.spec, steps))
+            starts_and_inputs = phase.starts_and_inputs(multiple, phase.starts[places], steps)
+            segments.append(Segment(*starts_and_inputs, phase.motion.spec, steps))
         return TimedModel(self._with_step(model, multiple), segments)
 
 

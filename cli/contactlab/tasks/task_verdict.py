@@ -136,8 +136,8 @@ def run_labels(
             if entry.label in ignored_labels or unobserved:
                 continue
             time = None if entry.step is None else entry.step * step
-            begun = [each for each in task.phases if each.begin <= (time or 0.0)]
-            phase = [task.phases[0], *begun][-1].name
+            begun_phases = [each for each in task.phases if each.begin <= (time or 0.0)]
+            phase = [task.phases[0], *begun_phases][-1].name
             first = RunLabel(
                 label=entry.label,
                 phase=phase,

@@ -75,10 +75,10 @@ def graphics_context(width: int, height: int) -> Generator[_Screen]:
     installed = [
         name for name in ("egl", "osmesa") if ctypes.util.find_library(_BACKEND_LIBRARIES[name])
     ]
-    found = [requested] if requested in _BACKEND_LIBRARIES else installed
-    if not found:
+    backends = [requested] if requested in _BACKEND_LIBRARIES else installed
+    if not backends:
         raise SceneError(f"no pictures: there is no OpenGL to draw with; {_OPENGL_REMEDY}")
-    name = found[0]
+    name = backends[0]
     try:
         screen: _Screen = importlib.import_module(f"mujoco.{name}").GLContext(width, height)
         screen.make_current()
@@ -146,15 +146,15 @@ def draw_pictures(
                     mujoco.mjr_readPixels(picture, None, area, context)
                     pictures.append(picture[::-1])
                 # The second picture is an inset of the first one, in a frame at its top right.
-                shown = pictures[0].copy()
+                final_picture = pictures[0].copy()
                 for inset in pictures[1:]:
                     right = width - _LOOK.border
                     rows = slice(_LOOK.border, _LOOK.border + inset.shape[0])
-                    framed = shown[rows, right - inset.shape[1] : right]
+                    framed = final_picture[rows, right - inset.shape[1] : right]
                     framed[:] = inset
                     for edge in (framed[:2], framed[-2:], framed[:, :2], framed[:, -2:]):
                         edge[:] = _LOOK.paper
-                yield shown
+                yield final_picture
         finally:
             # Objects of a context are deleted by number, in the current context.
             screen.make_current()
@@ -334,8 +334,8 @@ class RunPictures:
         """Yield a film's pictures, `rate` per simulated second."""
         time = self.motion.time
         times, (begin, end) = frame_times(time, rate), self.between
-        shown = Counter(nearest_indices(time, times[(times >= begin) & (times <= end)]).tolist())
-        for count, picture in zip(shown.values(), self._draw_frames(list(shown)), strict=True):
+        counts = Counter(nearest_indices(time, times[(times >= begin) & (times <= end)]).tolist())
+        for count, picture in zip(counts.values(), self._draw_frames(list(counts)), strict=True):
             yield from repeat(picture, count)
 
     def draw_sheet(self, times: Sequence[float]) -> list[Picture]:
@@ -358,8 +358,8 @@ class RunPictures:
         drawn = draw_pictures(model, motion, chosen, self.size, self.camera, self.recorded)
         pairs = zip(frames, drawn, strict=True)
         for frame, picture in count_steps(pairs, "pictures", len(frames)):
-            said = [f"begins: {self.captions[frame]}"] if frame in self.captions else []
-            yield add_caption(picture, [f"{motion.time[frame]:.3f} s", *said, run], bar)
+            caption = [f"begins: {self.captions[frame]}"] if frame in self.captions else []
+            yield add_caption(picture, [f"{motion.time[frame]:.3f} s", *caption, run], bar)
 
 
 def side_by_side(first: Iterator[Picture], second: Iterator[Picture]) -> Iterator[Picture]:

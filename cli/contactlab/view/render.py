@@ -59,7 +59,7 @@ class PictureOptions:
 
     Without a camera, the view shows the failing pair, and the whole motion as an inset. A film's
     speed is in simulated seconds per second. A sheet has pictures `at` times [s] or, without any,
-    at starts of labels and peaks of forces. `beside` names another run of the store, drawn on the
+    at starts of labels and peaks of forces. `other_run` names a run of the store to draw on the
     right. A film shows the motion `between` two times [s]; pictures follow the body `around`, if
     given.
     """
@@ -68,7 +68,7 @@ class PictureOptions:
     camera: str | None = None
     speed: float | None = None
     at: tuple[float, ...] = ()
-    beside: str | None = None
+    other_run: str | None = None
     between: tuple[float, float] | None = None
     around: str | None = None
 
@@ -108,8 +108,8 @@ def render_run(
                 write_with_layer(source, target, motion, events)
         return motion
     runs = [(replay, trace)]
-    if options.beside is not None:
-        other = prepare_replay(store, options.beside)
+    if options.other_run is not None:
+        other = prepare_replay(store, options.other_run)
         runs.append((other, store.trace(other.record)))
     return _write_pictures(runs, target, options)
 
@@ -123,12 +123,12 @@ def write_file(  # noqa: PLR0913 - one argument an option
     camera: str | None,
     speed: float | None,
     at: Sequence[float],
-    beside: str | None = None,
+    other_run: str | None = None,
     between: tuple[float, float] | None = None,
     around: str | None = None,
 ) -> str | None:
     """Write a run like `render`; return the meaning of its arrows and the other written files."""
-    options = PictureOptions(size, camera, speed, tuple(at), beside, between, around)
+    options = PictureOptions(size, camera, speed, tuple(at), other_run, between, around)
     motion = render_run(store, run, target, options)
     notes: list[str] = []
     if len(motion.forces.frame):
@@ -290,7 +290,7 @@ def _check_options(target: Path, options: PictureOptions) -> None:
         raise OutputError(
             f"--speed is for {' and '.join(_FILM_RATES)} only; leave it out for {suffix}"
         )
-    if suffix in _VIEWER_SUFFIXES and (options.size or options.camera or options.beside):
+    if suffix in _VIEWER_SUFFIXES and (options.size or options.camera or options.other_run):
         names = "--size, --camera and --side-by-side"
         raise OutputError(f"{names} are for pictures; leave them out for {suffix}")
     low, high = 64, 4096

@@ -41,10 +41,10 @@ class SlurmExecutor:
 
     def run(self, task: Task, jobs: Iterable[Job], stop: Stop) -> Iterator[Result]:
         """Yield the results of jobs when they are ready; see `Executor`."""
-        beside = task.store.absolute().parent if isinstance(task.store, Path) else Path.cwd()
+        parent = task.store.absolute().parent if isinstance(task.store, Path) else Path.cwd()
         # Nodes may not see each other's locks, but tasks change the folder within a week.
         week = 7 * 86_400.0
-        folder = make_locked_folder(beside, ".contactlab-slurm-", least_age=week)
+        folder = make_locked_folder(parent, ".contactlab-slurm-", least_age=week)
         (folder / BUNDLE).write_bytes(pack_bundle(task))
         engine = task.identity.engine
         versions = {"contactlab": version("contactlab"), engine.name: engine.version}

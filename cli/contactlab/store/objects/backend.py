@@ -252,12 +252,12 @@ class ObjectSession:
     def _join_batches(self, target: str) -> list[str]:
         names = [name for name, _ in self._objects.list_sizes(_BATCH_FOLDERS[target])]
         with (
-            (self.folder / target).open("wb") as joined,
+            (self.folder / target).open("wb") as joined_file,
             closing(self._objects.local_files(names)) as parts,
         ):
             for part in filter(None, parts):
                 with part.open("rb") as lines:
-                    shutil.copyfileobj(lines, joined)
+                    shutil.copyfileobj(lines, joined_file)
         return names
 
 

@@ -54,9 +54,9 @@ def _replay_files(
         texts = (text for text in process.stdout.splitlines() if text.startswith('{"file"'))
         lines = list(map(json.loads, texts))
         last |= {line["file"]: line for line in lines}
-        started = lines[-1]["file"] if lines else remaining_files[0]
-        last.setdefault(started, {"file": started})
-        remaining_files = remaining_files[remaining_files.index(started) + 1 :]
+        current_file = lines[-1]["file"] if lines else remaining_files[0]
+        last.setdefault(current_file, {"file": current_file})
+        remaining_files = remaining_files[remaining_files.index(current_file) + 1 :]
     return last
 
 

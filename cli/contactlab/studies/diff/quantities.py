@@ -253,6 +253,6 @@ def format_value(value: object) -> str:
     numbers = np.atleast_1d(np.asarray(value)).ravel()
     if not numbers.size:
         return "none"
-    trimmed = np.trim_zeros(numbers, "b") if numbers.size > 6 else numbers
-    shown_numbers = trimmed if trimmed.size else numbers[:1]
+    trimmed_numbers = np.trim_zeros(numbers, "b") if numbers.size > 6 else numbers
+    shown_numbers = trimmed_numbers if trimmed_numbers.size else numbers[:1]
     return " ".join(mjcf_text(float(f"{number:.6g}")) for number in shown_numbers.tolist())

@@ -92,9 +92,9 @@ def _list_sentences(report: EffectsReport, shown_parts: list[PartEffect]) -> Ite
     if slight:
         names = _join_names([part.name for part in slight])
         yield f"hardly loaded in these runs, which proves nothing for others: {names}"
-    hidden = [part for part in report.effects if part not in shown_parts]
-    for verdict in dict.fromkeys(part.verdict for part in hidden):
-        own = [part for part in hidden if part.verdict == verdict]
+    hidden_parts = [part for part in report.effects if part not in shown_parts]
+    for verdict in dict.fromkeys(part.verdict for part in hidden_parts):
+        own = [part for part in hidden_parts if part.verdict == verdict]
         kinds = dict.fromkeys(part.kind for part in own)
         texts = [
             f"{kind} {_join_names([part.name for part in own if part.kind == kind])}"

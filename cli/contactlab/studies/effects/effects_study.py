@@ -90,8 +90,8 @@ def study_effects(request: EffectsRequest, session: Session) -> EffectsReport:
         begin_step(steps[3])
         study.measure_others()
     tolerance = examined.task.tolerance
-    ranked = sorted(study.measured, key=lambda one: _rank_part(one, tolerance))
-    effects = tuple(_describe_part(one, tolerance) for one in ranked)
+    ranked_parts = sorted(study.measured, key=lambda one: _rank_part(one, tolerance))
+    effects = tuple(_describe_part(one, tolerance) for one in ranked_parts)
     report = EffectsReport(
         model=request.source,
         scene_hash=examined.scene.hash,
@@ -155,13 +155,13 @@ class EffectsStudy:
             compile_changed(examined, ModelEdits()), unused_flags(examined.scene.source.model)
         )
         motions, stride = _plan_work(scenarios.motions, request.max_time)
-        loaded = [*motions, *map(tilt_gravity, motions), *map(double_inputs, motions)]
-        reference = TaskReference.run_references(loaded, 1, examined.threads, stride)
+        loaded_motions = [*motions, *map(tilt_gravity, motions), *map(double_inputs, motions)]
+        reference = TaskReference.run_references(loaded_motions, 1, examined.threads, stride)
         reference = reference.complete_phases()
         same = reference.velocities_around(build_reference_model)
         self.errors = PartErrors(reference, same, motions, examined.threads)
         self.clock = Clock(reference, self.base)
-        states = KnownStates(loaded, examined.threads)
+        states = KnownStates(loaded_motions, examined.threads)
         positions = [*(part.positions for part in reference.phases), *states.list_positions()]
         comparing_share = 0.35  # of the time limit, until parts that change no bit are found
         # Distances of a configuration take as long as a few steps.

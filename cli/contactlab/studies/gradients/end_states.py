@@ -191,12 +191,12 @@ class Parameter:
         if self.place is not None:
             return replace(point, changed_values={**point.changed_values, self.place: value})
         try:
-            parsed = self.parse(value)
+            value_of_axis = self.parse(value)
         except ValueError as error:
             raise SweepFileError(
                 f"--input {self.name}: {error}; take a place farther from its end"
             ) from error
-        return replace(point, values={**point.values, self.name: parsed})
+        return replace(point, values={**point.values, self.name: value_of_axis})
 
 
 def _moved_starts(starts: InitialStates, points: Sequence[Point]) -> InitialStates:

@@ -70,11 +70,11 @@ def _map_chart(report: GradientsReport) -> alt.TopLevelMixin:
     ]
     lines: Rows = []
     for one, other in find_mode_switches(report.axes, report.places):
-        box, beside = boxes[one], boxes[other]
-        if beside["x"] > box["x"]:
-            lines.append({"x": beside["x"], "x2": beside["x"], "y": box["y"], "y2": box["y2"]})
+        box, neighbor = boxes[one], boxes[other]
+        if neighbor["x"] > box["x"]:
+            lines.append({"x": neighbor["x"], "x2": neighbor["x"], "y": box["y"], "y2": box["y2"]})
         else:
-            lines.append({"x": box["x"], "x2": box["x2"], "y": beside["y"], "y2": beside["y"]})
+            lines.append({"x": box["x"], "x2": box["x2"], "y": neighbor["y"], "y2": neighbor["y"]})
     x, y = alt.X("x:Q").scale(zero=False), alt.Y("y:Q").scale(zero=False)
     x, y = x.axis(title=first, grid=False), y.axis(title=second or None, grid=False)
     colour = word_colours("word", list(GRADIENT_VERDICTS), _COLOURS)

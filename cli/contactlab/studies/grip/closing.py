@@ -312,9 +312,9 @@ def _facing_pairs(
         opened = np.array([_measure_clearance(model, path[0], pair)[0] for pair in pairs])
         closed = np.array([_measure_clearance(model, nearest, pair)[0] for pair in pairs])
         approach = opened - np.maximum(closed, 0)
-        beside = np.array([_lateral_offset(before, after, pair) for pair in pairs])
+        offsets = np.array([_lateral_offset(before, after, pair) for pair in pairs])
         alike = approach > _CLOSING.alike_approach * approach.max()
-        best = int(np.argmin(np.where(alike, np.maximum(closed, 0) + beside, np.inf)))
+        best = int(np.argmin(np.where(alike, np.maximum(closed, 0) + offsets, np.inf)))
         approaches.append((float(approach[best]), pairs[best]))
     most = max(approach for approach, _ in approaches)
     return tuple(pair for approach, pair in approaches if approach > most / 2)
@@ -415,8 +415,8 @@ def fit_object(fixture: GripFixture, closing: Closing, factor: float = 1.0) -> G
         [_measure_clearance(fixture.model, closing.path[at], pair)[1] for pair in closing.pairs]
     )
     point, turn = _finger_contacts(fixture, closing, at)
-    beside = float(np.abs((ends - point) @ turn[:, 1]).max())
-    size = (width, max(shrunk * side, _CLOSING.overhang * 2 * beside), shrunk * out)
+    half_length = float(np.abs((ends - point) @ turn[:, 1]).max())
+    size = (width, max(shrunk * side, _CLOSING.overhang * 2 * half_length), shrunk * out)
     fits = replace(DEFAULT_OBJECT, size=size).scale_extents(factor)
     return replace(fits, size=(max(fits.size[0], least + margin), *fits.size[1:]))
 
@@ -580,12 +580,12 @@ def _wait_until_settled(
     fixture: GripFixture, row: Floats, control: Floats, turn: Floats, paths: Sequence[Floats]
 ) -> Squeeze:
     """Hold a control until object, fingers and forces rest."""
-    paths, before, begun, lasted = list(paths), np.inf, paths[0], _CLOSING.ramp_seconds
+    paths, before, first_path, seconds = list(paths), np.inf, paths[0], _CLOSING.ramp_seconds
     while True:
         part, row = _hold_control(fixture.model, row, control)
         paths.append(part)
         pressed = measure_squeeze(fixture, row, control, turn, np.concatenate(paths))
-        total, lasted = sum(pressed.forces), lasted + _CLOSING.part_seconds
+        total, seconds = sum(pressed.forces), seconds + _CLOSING.part_seconds
         # A held object rests, or fingers that do not hold it yet.
         if pressed.is_held:
             ends = body_frames(fixture.model, part[[0, -1]], fixture.body, fixture.base)
@@ -595,11 +595,11 @@ def _wait_until_settled(
             fingers = np.delete(
                 np.arange(fixture.model.nq), np.arange(fixture.address, fixture.address + 7)
             )
-            begin, previous, end = (pose[fingers] for pose in (begun[0], part[0], part[-1]))
+            begin, previous, end = (pose[fingers] for pose in (first_path[0], part[0], part[-1]))
             rest = _CLOSING.arrived_share * np.abs(end - begin).max()
             still = bool(np.abs(end - previous).max() <= rest)
         steady = still and abs(total - before) <= _CLOSING.steady_force * total
-        if steady or lasted > _CLOSING.most_seconds:
+        if steady or seconds > _CLOSING.most_seconds:
             return pressed
         before = total
 

@@ -98,8 +98,8 @@ class Grip:
             return self.with_control(control)
         data = data_at(self.fixture.model, self.squeeze.row)
         data.qpos[:], data.qvel[:], data.qacc_warmstart[:] = self.squeeze.path[0], 0, 0
-        begun = replace(self.squeeze, row=state_row(self.fixture.model, data), control=control)
-        grip = replace(self, squeeze=begun)
+        squeeze = replace(self.squeeze, row=state_row(self.fixture.model, data), control=control)
+        grip = replace(self, squeeze=squeeze)
         return replace(grip, squeeze=grip._frame_squeeze(grip._held_on(grip.fixture, control)))
 
     def _frame_squeeze(self, squeeze: Squeeze) -> Squeeze:

@@ -337,11 +337,11 @@ def _placement_rows(
 ) -> Iterator[GripPlacement]:
     """Yield the grip with the unchanged object, with it elsewhere, and with other sizes."""
     grip = setup.grip
-    begun = grip.squeeze.approach
+    first_approach = grip.squeeze.approach
     if (
         setup.mounted_hand is None
         or grip.closing is None
-        or begun is None
+        or first_approach is None
         or not grip.squeeze.is_held
     ):
         return
@@ -349,7 +349,7 @@ def _placement_rows(
     fixture, turn = grip.fixture, grip.squeeze.turn
     for name, axis in (("half a width aside", 1), ("half a length further out", 2)):
         offset = turn[:, axis] * fixture.half[axis]
-        approach = replace(begun, point=begun.point + offset / 2, turn=turn)
+        approach = replace(first_approach, point=first_approach.point + offset / 2, turn=turn)
         squeeze = close_at(fixture, grip.closing, approach, grip.squeeze.control)
         moved = replace(grip, squeeze=replace(squeeze, turn=turn))
         yield _placement_row(name, moved, moved.measure_drifts(), within)

@@ -85,12 +85,12 @@ def _users_by_solref(
     linted: LintedModel, wrong: Callable[[Solref], bool]
 ) -> Iterator[tuple[Solref, list[_User]]]:
     """Yield each wrong solref, with the parts of one kind that have it."""
-    found: dict[tuple[str, Solref], list[_User]] = defaultdict(list)
+    users_by_solref: dict[tuple[str, Solref], list[_User]] = defaultdict(list)
     is_wrong = cache(wrong)  # many parts have the same
     for user in _solref_users(linted.model):
         if is_wrong(user.solref):
-            found[user.kind, user.solref].append(user)
-    for (_, solref), users in found.items():
+            users_by_solref[user.kind, user.solref].append(user)
+    for (_, solref), users in users_by_solref.items():
         yield solref, users
 
 
@@ -213,13 +213,13 @@ def find_frictionless_condims(linted: LintedModel) -> Iterator[Fault]:
         yield _friction_fault(linted, f"pair '{name}'", int(model.pair_dim[pair]), "pair", pair)
     if not slides.any() or model.opt.disableflags & _NO_CONTACT:
         return
-    told = set[int]()
+    reported_geoms = set[int]()
     for first, second in touch_pairs(model, listed=False):
         priority = model.geom_priority[[first, second]]
         deciding = [g for g in (first, second) if model.geom_priority[g] == priority.max()]
         condim = int(model.geom_condim[deciding].max())
-        if condim > 1 and slides[deciding].all() and not told & set(deciding):
-            told |= set(deciding)
+        if condim > 1 and slides[deciding].all() and not reported_geoms & set(deciding):
+            reported_geoms |= set(deciding)
             geom = deciding[int(np.argmax(model.geom_condim[deciding]))]
             names = [linted.name("geom", g) for g in (first, second)]
             yield _friction_fault(linted, f"{names[0]} - {names[1]}", condim, "geom", geom)

@@ -39,7 +39,7 @@ def find_unstable_gains(linted: LintedModel) -> Iterator[Fault]:
     if not pulled and not (late and model.dof_damping.any()):
         return  # joint damping is implicit, and stable at any step
     linear = linearize_model(model, data)
-    if not linear.weighs or (found := linear.find_growth()) <= HOLDS:
+    if not linear.weighs or (growth := linear.find_growth()) <= HOLDS:
         return
     # The largest stable step, by bisection, rounded down to two digits.
     low, high = 0.0, timestep
@@ -55,7 +55,7 @@ def find_unstable_gains(linted: LintedModel) -> Iterator[Fault]:
     joint = name_of(model, "joint", int(model.dof_jntid[dof]))
     yield Fault(
         f"a step of {timestep * 1e3:g} ms with {name} does not hold joint '{joint}': from {start}, "
-        f"a small motion grows {found:.3g}-fold, without any control; {holds * 1e3:g} ms holds it",
+        f"a small motion grows {growth:.3g}-fold, without any control; {holds * 1e3:g} ms holds it",
         linted.place("joint", joint),
         linted.set_in("option", **values),
     )

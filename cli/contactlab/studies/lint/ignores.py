@@ -23,27 +23,27 @@ class Ignored:
 
     Attributes:
         everywhere: comment that ignores a rule in the whole model, by rule.
-        beside: comment that ignores a rule in a line, by file, line and rule.
+        by_line: comment that ignores a rule in a line, by file, line and rule.
     """
 
     everywhere: Mapping[str, str]
-    beside: Mapping[tuple[Path, int, str], str]
+    by_line: Mapping[tuple[Path, int, str], str]
 
     def __call__(self, rule: str, place: Place) -> str | None:
         """Return the comment that ignores a rule at a place, or None."""
         lines = range(place.line, place.last + 1)
-        reasons = (self.beside.get((place.file, line, rule)) for line in lines)
+        reasons = (self.by_line.get((place.file, line, rule)) for line in lines)
         return next(filter(None, reasons), self.everywhere.get(rule))
 
     @property
     def rules(self) -> Mapping[str, str]:
         """Comment that ignores each rule, by rule."""
-        return {**{rule: at for (_, _, rule), at in self.beside.items()}, **self.everywhere}
+        return {**{rule: at for (_, _, rule), at in self.by_line.items()}, **self.everywhere}
 
 
 def ignored(source: SceneSource) -> Ignored:
     """Return the ignored rules of a scene's files."""
-    everywhere, beside = dict[str, str](), dict[tuple[Path, int, str], str]()
+    everywhere, by_line = dict[str, str](), dict[tuple[Path, int, str], str]()
     for name in source.content.files:
         file = source.content.root / name
         is_model = file.suffix in MODEL_SUFFIXES
@@ -57,10 +57,10 @@ def ignored(source: SceneSource) -> Ignored:
             if line <= first or not is_model:
                 everywhere[rule] = at
             else:
-                beside[file, line, rule] = at
+                by_line[file, line, rule] = at
                 if _ALONE.fullmatch(data.decode(errors="replace").splitlines()[line - 1]):
-                    beside[file, line + 1, rule] = at
-    return Ignored(everywhere, beside)
+                    by_line[file, line + 1, rule] = at
+    return Ignored(everywhere, by_line)
 
 
 def _read_comments(text: str) -> Iterator[tuple[int, str]]:

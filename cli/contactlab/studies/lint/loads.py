@@ -72,7 +72,7 @@ def find_light_links(linted: LintedModel) -> Iterator[Fault]:
     masses = np.array(
         [model.body_mass[model.body_treeid == tree].sum() for tree in range(model.ntree)]
     )
-    found = list[tuple[float, float, int, _Link]]()
+    light_links = list[tuple[float, float, int, _Link]]()
     for tree in range(model.ntree):
         own = [link for link in links if tree in link.trees]
         hanging = _hanging_mass(links, masses, tree) if len(own) > 1 else 0.0
@@ -82,8 +82,10 @@ def find_light_links(linted: LintedModel) -> Iterator[Fault]:
             stretch = float(
                 rest_penetration(hanging * gravity, 1 / masses[tree], link.solref, link.solimp)
             )
-            found.append((stretch, hanging, tree, link))
-    stretch, hanging, tree, link = max(found, default=(0.0, 0.0, 0, None), key=lambda one: one[0])
+            light_links.append((stretch, hanging, tree, link))
+    stretch, hanging, tree, link = max(
+        light_links, default=(0.0, 0.0, 0, None), key=lambda one: one[0]
+    )
     most_share = 0.01  # of the model's extent: more is seen
     if link is not None and stretch > most_share * model.stat.extent:
         body = int(np.flatnonzero(model.body_treeid == tree)[0])
@@ -132,7 +134,7 @@ def find_soft_pyramids(linted: LintedModel) -> Iterator[Fault]:
     if pyramid_softness(largest, 3, float(model.opt.impratio)) < much_softer:
         return  # finding which geoms touch takes a simulation
     deep_share = 0.1  # of half the thinner geom; more is an overlap
-    halves, found = half_extents(model), list[tuple[float, float, float, tuple[int, int]]]()
+    halves, soft_pairs = half_extents(model), list[tuple[float, float, float, tuple[int, int]]]()
     for pair in detected_pairs(model):
         used = effective_parameters(model, pair)
         softer = pyramid_softness(used.friction[0], used.condim, float(model.opt.impratio))
@@ -142,10 +144,10 @@ def find_soft_pyramids(linted: LintedModel) -> Iterator[Fault]:
         # One contact of four that a body rests on.
         depth = float(rest_penetration(softer * gravity / 4, 1.0, used.solref, used.solimp))
         if depth > deep_share * float(halves[[first, second]].min()):
-            found.append((depth, softer, used.friction[0], (first, second)))
-    if found:
-        depth, softer, friction, (first, second) = max(found, key=lambda one: one[0])
-        more = f"; and {len(found) - 1} more pairs" if len(found) > 1 else ""
+            soft_pairs.append((depth, softer, used.friction[0], (first, second)))
+    if soft_pairs:
+        depth, softer, friction, (first, second) = max(soft_pairs, key=lambda one: one[0])
+        more = f"; and {len(soft_pairs) - 1} more pairs" if len(soft_pairs) > 1 else ""
         names = f"{linted.name('geom', first)} and {linted.name('geom', second)}"
         yield Fault(
             f"a friction of {friction:g} makes contacts of {names} {softer:.3g} times as soft "
@@ -165,7 +167,7 @@ def find_large_cells(linted: LintedModel) -> Iterator[Fault]:
     """
     model = linted.model
     most_sizes = 4.0  # of a geom, see the drops above
-    found = list[tuple[float, float, int, int]]()
+    large_cells = list[tuple[float, float, int, int]]()
     fields = np.flatnonzero(model.geom_type == int(mujoco.mjtGeom.mjGEOM_HFIELD)).tolist()
     touch = touch_mask(model) if fields else np.zeros((0, 0), bool)
     for field in fields:
@@ -176,9 +178,9 @@ def find_large_cells(linted: LintedModel) -> Iterator[Fault]:
         for geom in np.flatnonzero(touch[field]).tolist():
             size = 2 * float(model.geom_aabb[geom, 3:].max())
             if size > 0 and cell > most_sizes * size:
-                found.append((cell / size, cell, field, geom))
-    if found:
-        times, cell, field, geom = max(found)
+                large_cells.append((cell / size, cell, field, geom))
+    if large_cells:
+        times, cell, field, geom = max(large_cells)
         yield Fault(
             f"cells of height field {linted.name('geom', field)} are {1e3 * cell:.3g} mm wide, "
             f"{times:.3g} times geom {linted.name('geom', geom)}: contacts of small geoms on large "

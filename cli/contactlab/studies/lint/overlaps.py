@@ -38,7 +38,7 @@ def _find_overlaps(linted: LintedModel, *, thrown: bool) -> dict[tuple[int, int]
 
     Loads may hold an overlap, as of a handle in closed fingers.
     """
-    model, found = linted.model, dict[tuple[int, int], _Overlap]()
+    model, overlaps = linted.model, dict[tuple[int, int], _Overlap]()
     halves = half_extents(model)
     # Share of half the thinner geom's extent; a larger overlap is more than a touch.
     deep_share = 0.1
@@ -51,12 +51,12 @@ def _find_overlaps(linted: LintedModel, *, thrown: bool) -> dict[tuple[int, int]
             half = float(halves[geoms].min())
             overlap = _Overlap(start, (geoms[0], geoms[1]), -distance, -distance / half)
             low, high = sorted(int(model.geom_bodyid[geom]) for geom in geoms)
-            known = found.get((low, high))
+            known = overlaps.get((low, high))
             if overlap.share > deep_share and overlap.depth > (known.depth if known else 0.0):
                 rows = contact_rows(model, data, contact) if thrown else None
                 if rows is None or not is_in_equilibrium(model, data, rows):
-                    found[low, high] = overlap
-    return found
+                    overlaps[low, high] = overlap
+    return overlaps
 
 
 def _are_joined(linted: LintedModel, low: int, high: int) -> bool:
@@ -86,19 +86,19 @@ def _first_link(model: mujoco.MjModel, body: int) -> int:
     return body
 
 
-def _overlap_text(linted: LintedModel, found: Sequence[_Overlap]) -> str:
-    worst = max(found, key=lambda overlap: overlap.depth)
+def _overlap_text(linted: LintedModel, overlaps: Sequence[_Overlap]) -> str:
+    worst = max(overlaps, key=lambda overlap: overlap.depth)
     bodies = [linted.name("body", int(linted.model.geom_bodyid[geom])) for geom in worst.geoms]
     geoms = " - ".join(linted.name("geom", geom) for geom in worst.geoms)
-    more = f"; {len(found) - 1} more pairs of bodies overlap" if len(found) > 1 else ""
+    more = f"; {len(overlaps) - 1} more pairs of bodies overlap" if len(overlaps) > 1 else ""
     return (
         f"at {worst.start}, {bodies[0]} and {bodies[1]} overlap by {1e3 * worst.depth:.3g} mm "
         f"({geoms}; {worst.share:.0%} of half the thinner){more}"
     )
 
 
-def _overlap_place(linted: LintedModel, found: Sequence[_Overlap]) -> Place:
-    worst = max(found, key=lambda overlap: overlap.depth)
+def _overlap_place(linted: LintedModel, overlaps: Sequence[_Overlap]) -> Place:
+    worst = max(overlaps, key=lambda overlap: overlap.depth)
     return linted.place("body", max(int(linted.model.geom_bodyid[geom]) for geom in worst.geoms))
 
 
@@ -134,8 +134,8 @@ def find_overlapping_bases(linted: LintedModel) -> Iterator[Fault]:
 
 def _neighbor_overlaps(linted: LintedModel) -> dict[tuple[int, int], _Overlap]:
     """Return the overlaps of links of one chain."""
-    found = _find_overlaps(linted, thrown=False).items()
-    return {pair: one for pair, one in found if _are_joined(linted, *pair)}
+    overlaps = _find_overlaps(linted, thrown=False).items()
+    return {pair: one for pair, one in overlaps if _are_joined(linted, *pair)}
 
 
 def _is_mounted(linted: LintedModel, low: int, high: int) -> bool:
@@ -147,23 +147,23 @@ def _is_mounted(linted: LintedModel, low: int, high: int) -> bool:
 
 
 def _filter_fault(
-    linted: LintedModel, found: Mapping[tuple[int, int], _Overlap], why: str
+    linted: LintedModel, overlap_by_pair: Mapping[tuple[int, int], _Overlap], why: str
 ) -> Fault:
     edits: list[Edit] = []
-    for pair in found:
+    for pair in overlap_by_pair:
         contact = ET.Element("contact")
         names = [linted.name("body", body) for body in pair]
         ET.SubElement(contact, "exclude", body1=names[0], body2=names[1])
         edits += linted.add(contact)
-    overlaps = list(found.values())
+    overlaps = list(overlap_by_pair.values())
     message = f"{_overlap_text(linted, overlaps)}; {why}"
     return Fault(message, _overlap_place(linted, overlaps), tuple(edits))
 
 
 def _unjoined_overlaps(linted: LintedModel) -> list[_Overlap]:
     """Return the overlaps of bodies that are not joined."""
-    found = _find_overlaps(linted, thrown=True).items()
-    return [overlap for pair, overlap in found if not _are_joined(linted, *pair)]
+    overlaps = _find_overlaps(linted, thrown=True).items()
+    return [overlap for pair, overlap in overlaps if not _are_joined(linted, *pair)]
 
 
 @rule("overlap", "warn")
@@ -174,9 +174,9 @@ def find_overlaps_in_keyframes(linted: LintedModel) -> Iterator[Fault]:
     apart. An overlap that loads hold, as closed fingers do, passes. Fix: move one of them in the
     keyframe.
     """
-    if found := [overlap for overlap in _unjoined_overlaps(linted) if overlap.start != QPOS0]:
-        message = f"{_overlap_text(linted, found)}; the first step throws them apart"
-        yield Fault(message, linted.place("key", found[0].start))
+    if overlaps := [overlap for overlap in _unjoined_overlaps(linted) if overlap.start != QPOS0]:
+        message = f"{_overlap_text(linted, overlaps)}; the first step throws them apart"
+        yield Fault(message, linted.place("key", overlaps[0].start))
 
 
 @rule("overlap-qpos0", "note")
@@ -185,9 +185,9 @@ def find_overlaps_in_qpos0(linted: LintedModel) -> Iterator[Fault]:
 
     Programs often place bodies themselves. Fix: a keyframe with them apart.
     """
-    if found := [overlap for overlap in _unjoined_overlaps(linted) if overlap.start == QPOS0]:
-        message = f"{_overlap_text(linted, found)}; start from a keyframe without this overlap"
-        yield Fault(message, _overlap_place(linted, found))
+    if overlaps := [overlap for overlap in _unjoined_overlaps(linted) if overlap.start == QPOS0]:
+        message = f"{_overlap_text(linted, overlaps)}; start from a keyframe without this overlap"
+        yield Fault(message, _overlap_place(linted, overlaps))
 
 
 @rule("below-floor", "warn")
@@ -224,7 +224,7 @@ def find_pressed_bodies(linted: LintedModel) -> Iterator[Fault]:
     The contacts press with more than ten times the weight of all that moves, at the start, without
     motors and springs. Fix: move the bodies apart, or `<exclude>`.
     """
-    model, found = linted.model, dict[tuple[int, int], tuple[float, str]]()
+    model, pressed_pairs = linted.model, dict[tuple[int, int], tuple[float, str]]()
     halves = half_extents(model)
     for start, state in linted.starts.items():
         loads = dict[tuple[int, int], float]()
@@ -236,12 +236,12 @@ def find_pressed_bodies(linted: LintedModel) -> Iterator[Fault]:
             if on_floor or not joined:
                 loads[low, high] = loads.get((low, high), 0.0) + pressed.weights
         for pair, weights in loads.items():
-            if weights > max(MANY_WEIGHTS, found.get(pair, (0.0, ""))[0]):
-                found[pair] = weights, start
-    if found:
-        pair, (times, start) = max(found.items(), key=lambda one: one[1][0])
+            if weights > max(MANY_WEIGHTS, pressed_pairs.get(pair, (0.0, ""))[0]):
+                pressed_pairs[pair] = weights, start
+    if pressed_pairs:
+        pair, (times, start) = max(pressed_pairs.items(), key=lambda one: one[1][0])
         one, two = (linted.name("body", body) for body in pair)
-        more = f"; so do {len(found) - 1} more pairs" if len(found) > 1 else ""
+        more = f"; so do {len(pressed_pairs) - 1} more pairs" if len(pressed_pairs) > 1 else ""
         size = "over 1,000" if times > 1000 else f"{times:.3g}"  # more says no more
         yield Fault(
             f"at {start}, {one} and {two} press on each other with {size} times the weight of all "

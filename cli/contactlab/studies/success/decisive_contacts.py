@@ -83,16 +83,16 @@ class Parts:
     def named_bodies(self, names: Sequence[str]) -> Bodies:
         """Return the bodies of names with all that is fixed to them or hangs on them."""
         known = [name_of(self.model, "body", body) for body in range(1, self.model.nbody)]
-        found = set[int]()
+        bodies = set[int]()
         for name in names:
             body = find_id(self.model, "body", name)
             if body < 1:
                 raise SceneError(f"--object {name}: no such body{did_you_mean(name, known)}")
-            found.add(body)
+            bodies.add(body)
         for body in range(1, self.model.nbody):  # parents come first
-            if int(self.model.body_parentid[body]) in found:
-                found.add(body)
-        return frozenset(found)
+            if int(self.model.body_parentid[body]) in bodies:
+                bodies.add(body)
+        return frozenset(bodies)
 
 
 def choose_pairs(model: mujoco.MjModel, names: Sequence[str]) -> list[PairEntry]:
@@ -119,10 +119,10 @@ def choose_pairs(model: mujoco.MjModel, names: Sequence[str]) -> list[PairEntry]
     if len(bodies) <= MAX_PAIRS:
         slots = 8  # contacts of two faces
         return [PairEntry(bodies=pair, slots=slots) for pair in bodies]
-    shown = sorted({name_of(model, "body", body) for body in objects})
+    body_names = sorted({name_of(model, "body", body) for body in objects})
     raise SceneError(
         f"{len(bodies)} pairs of bodies may touch, and {MAX_PAIRS} can be recorded; name the "
-        f"object by --object, out of {', '.join(shown)}"
+        f"object by --object, out of {', '.join(body_names)}"
     )
 
 
@@ -271,8 +271,10 @@ class DecisiveContacts:
         for pair in trace.pairs if trace else ():
             if trace and self._is_decisive(pair.name) and len(pair.steps):
                 depths.append(self._find_lasting_depth(pair, trace.time))
-                found = find_holds(self._base.model, self._touching_sides[pair.name], pair, trace)
-                holds += [(hold, pair.name) for hold in found]
+                pair_holds = find_holds(
+                    self._base.model, self._touching_sides[pair.name], pair, trace
+                )
+                holds += [(hold, pair.name) for hold in pair_holds]
         if (deepest := max(depths)).amount > self._limit:
             part = format_percent(deepest.amount)
             text = f"{deepest.describe_contact()}: {part} of the thinner body's thickness"
