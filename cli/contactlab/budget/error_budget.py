@@ -13,7 +13,7 @@ import mujoco
 from contactlab.budget.measuring import PhaseMeasure, Settings
 from contactlab.budget.motion import Motion
 from contactlab.budget.readings import ErrorBudget, PhaseBudget
-from contactlab.budget.time_ratios import measure_time_ratios
+from contactlab.budget.time_ratios import QUICK_PROTOCOL, measure_time_ratios
 from contactlab.budget.windows import Run, without_sensors
 from contactlab.errors import EngineError
 from contactlab.modifications.catalogue import list_rows
@@ -79,6 +79,6 @@ def _time_rows(
     }
     if not changed_models:
         return phase
-    ratios = measure_time_ratios(motion, run, changed_models)
+    ratios = measure_time_ratios(motion, run, changed_models, QUICK_PROTOCOL)
     timed_rows = (replace(reading, time_ratio=ratios.get(reading.name)) for reading in phase.rows)
     return replace(phase, rows=tuple(timed_rows))

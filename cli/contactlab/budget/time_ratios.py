@@ -11,13 +11,25 @@ from contactlab.budget.motion import Motion
 from contactlab.budget.windows import Batch, Run, start_rows
 from contactlab.contact.trace_arrays import Floats
 from contactlab.schema.time_ratio import TimeRatio
-from contactlab.timing.interleaved import TURN_SECONDS, compare_times, stopwatch
+from contactlab.timing.interleaved import (
+    TURN_SECONDS,
+    TimingProtocol,
+    compare_times,
+    stopwatch,
+)
 
 Made = Callable[[], mujoco.MjModel]
 
 
+QUICK_PROTOCOL = TimingProtocol(rounds=6, looks=1)
+"""For ratios that are shown next to an effect and decide nothing: an interval of 95 %, once."""
+
+
 def measure_time_ratios(
-    motion: Motion, run: Run, changed: Mapping[str, tuple[Made, int]]
+    motion: Motion,
+    run: Run,
+    changed: Mapping[str, tuple[Made, int]],
+    protocol: TimingProtocol | None = None,
 ) -> dict[str, TimeRatio]:
     """Return the time of changed models over that of the model as written.
 
@@ -30,6 +42,11 @@ def measure_time_ratios(
     length = min(most_windows, int(run.valid.sum(axis=1).max()))
     if not length or not changed:
         return {}
+    # Fewer of a slow model, so that a turn has several places of the run.
+    one = _Stretches(motion, run, run.steps).ready(motion.model, 1, np.argwhere(run.valid)[:1])
+    one.seconds()  # loads its memory
+    turn_places = 3
+    length = min(length, max(1, math.ceil(TURN_SECONDS / (turn_places * one.seconds()))))
     valid = np.argwhere(run.valid[:, length - 1 :])
     stretches = _Stretches(motion, run, length * run.steps)
     timed_places = valid[:1]
@@ -46,7 +63,7 @@ def measure_time_ratios(
         model_makers = [changed[name] for name in names]
         group = [stretches.ready(model(), rate, timed_places) for model, rate in model_makers]
         timers = [each.seconds for each in (own, *group)]
-        ratios |= zip(names, compare_times(timers), strict=True)
+        ratios |= zip(names, compare_times(timers, protocol), strict=True)
     return ratios
 
 
