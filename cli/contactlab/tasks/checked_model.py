@@ -241,6 +241,11 @@ class CheckedModel:
         """Whether the runs of its task are made already."""
         return "runs" in vars(self)
 
+    @property
+    def has_budget(self) -> bool:
+        """Whether its budget is measured already."""
+        return "budget" in vars(self)
+
     def check_timestep(self) -> None:
         """Raise a SweepFileError if the step is too long for a phase of the task."""
         step = self.resolved.timestep

@@ -21,7 +21,8 @@ def test_the_largest_tolerance_counts(
     """All three are shares of the value before: what a twin adds, a relative one, and the floor."""
     for factor, worse in ((0.99, False), (1.01, True)):
         after = before * (1 + factor * allowed)
-        values = [np.array([each]) for each in (before, after, before * (1 + twin), before)]
+        means = before, after, before * (1 + twin), before
+        values = [lambda each=each: np.array([each]) for each in means]
         found = average_measure(
             "depth", "task", "m", values, floor * before, "floor", chaotic=False
         )

@@ -27,7 +27,6 @@ from contactlab.studies.verification.runs import PairedRun, velocity_slice
 from contactlab.studies.verification.state_tables import (
     EXTREME_UNITS,
     StateTable,
-    tabulate_states,
 )
 
 FALLS = 16
@@ -52,7 +51,7 @@ def repeat_measure(
     if run.name not in known_tables:
         known_tables[run.name] = _tabulate_falls(run.original, workers, run.original.model)
     tables = known_tables[run.name], _tabulate_falls(run.changed, workers, run.original.model)
-    good = ~(tables[0].failed | tables[1].failed)
+    good = ~(tables[0].failures | tables[1].failures)
     if not good.any():
         return measure
     if measure.name in EXTREME_UNITS:
@@ -116,4 +115,4 @@ def _tabulate_falls(motion: Motion, workers: int, demands: mujoco.MjModel) -> St
     repeated = replace(motion, starts=starts, inputs=motion.inputs[rows])
     ends = np.linspace(0.0, motion.steps * float(model.opt.timestep), 6)
     states = falls * _STATES_OF_A_FALL
-    return tabulate_states(repeated, workers, ends, contact_states=states, demands=demands)
+    return StateTable(repeated, workers, ends, contact_states=states, demands=demands)

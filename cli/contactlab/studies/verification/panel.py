@@ -65,6 +65,11 @@ LABEL_CHANCE = 0.125
 have that by chance once in nine times, and a new label was seen before."""
 _RATES = (8, 10, 12, 16, 20, 25, 32)
 """Steps of the reference in one step of the original. One of them fits nearly any usual ratio."""
+_COARSE_RATES = (2, 3, 4, 5, 6)
+"""The same of a reference that is fine enough for errors far below the limit."""
+_CLEAR_SHARE = 0.25
+"""A coarse reference decides errors below this share of the limit. Against half the step, an error
+of first order shows by half, so against a fine step it is at most half of the limit."""
 
 
 @dataclass(frozen=True)
@@ -470,19 +475,19 @@ class _Panel:
     ) -> Iterator[VerifiedMeasure]:
         # Both errors are measured against the original's motion at a fine step.
         pairs = dict[str, tuple[ErrorEstimate, ErrorEstimate]]()
+        floor = max(ERROR_FLOOR, self._request.allowed_error)
+        if not self._request.keeps_motion:
+            # Another motion has another error, which may be up to half of the tolerance.
+            floor = max(floor, self._original.task.tolerance / 2)
         for name, (own, other) in motions.items():
             if not self._begin_run(f"numerical error, {name}"):
                 break
-            pair = _measure_error_pair(self._request, name, own, other)
+            pair = _measure_error_pair(self._request, (name, own, other), floor)
             if pair is None:
                 reason = "the step is not a multiple of any reference's step"
                 self._skip_run("numerical error", reason)
                 break
             pairs[name] = pair
-        floor = max(ERROR_FLOOR, self._request.allowed_error)
-        if not self._request.keeps_motion:
-            # Another motion has another error, which may be up to half of the tolerance.
-            floor = max(floor, self._original.task.tolerance / 2)
         spread = self._spread_errors([own for own, _ in pairs.values()])
         for name, (own, other) in pairs.items():
             before, after, tolerance = own.error, other.error, 0.0
@@ -526,9 +531,13 @@ class _Panel:
         if not self._begin_run(f"labels, {name}"):
             return
         known_labels = self._request.runs.labels
+        after = self._count_failure_labels(self._changed, task)
         if name not in known_labels:
+            is_fresh = task is not self._tasks["task"]
+            if is_fresh and not after and not any(known_labels.values()):
+                return  # neither the changed model nor the original's own seeds have one
             known_labels[name] = self._count_failure_labels(self._original, task)
-        before, after = known_labels[name], self._count_failure_labels(self._changed, task)
+        before = known_labels[name]
         for label in sorted({*before, *after}):
             own, other = before[label], after[label]
             worse = not own and other > 0
@@ -595,14 +604,38 @@ def count_labels(labels: Sequence[RunLabel]) -> Counter[str]:
 
 
 def _measure_error_pair(
-    request: VerificationRequest, name: str, own: Sequence[Motion], other: Sequence[Motion]
+    request: VerificationRequest, run: tuple[str, Sequence[Motion], Sequence[Motion]], floor: float
 ) -> tuple[ErrorEstimate, ErrorEstimate] | None:
-    # The result is the error before and after.
+    # The result is the error before and after; no error up to `floor` is worse. A coarse reference
+    # is tried if the original's budget says that its error is small.
+    if _is_known_small(request.original, floor / 2):
+        pair = _measure_errors_at(request, run, _COARSE_RATES, least=2)
+        if pair is not None and all(each.error <= _CLEAR_SHARE * floor for each in pair):
+            return pair
+    return _measure_errors_at(request, run, _RATES)
+
+
+def _is_known_small(original: CheckedModel, most: float) -> bool:
+    if most <= ERROR_FLOOR or not original.has_budget:
+        return False
+    return all(phase.run.error <= most for phase in original.budget.phases)
+
+
+def _measure_errors_at(
+    request: VerificationRequest,
+    run: tuple[str, Sequence[Motion], Sequence[Motion]],
+    rates: Sequence[int],
+    least: int = 1,
+) -> tuple[ErrorEstimate, ErrorEstimate] | None:
+    # A step of the changed model has at least `least` steps of the reference.
+    name, own, other = run
     threads, known_errors = request.original.threads, request.runs.references
     shared = request.same_model and _state_size(own[0].model) == _state_size(other[0].model)
     # Another model is compared with its own motion at a fine step.
     ratio = float(other[0].model.opt.timestep / own[0].model.opt.timestep) if shared else 1.0
-    rate = next((each for each in _RATES if _is_whole(each * ratio)), None)
+    rate = next(
+        (each for each in rates if _is_whole(each * ratio) and round(each * ratio) >= least), None
+    )
     if rate is None:
         return None
     if (name, rate) not in known_errors:

@@ -1,7 +1,7 @@
 """Compares the states of both models in one run, measure by measure."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -20,7 +20,6 @@ from contactlab.studies.verification.state_tables import (
     LIMIT_EXCESSES,
     SAMPLES,
     StateTable,
-    tabulate_states,
 )
 
 RELATIVE_TOLERANCE = 0.05
@@ -77,8 +76,26 @@ class Tables:
 
     @property
     def good(self) -> np.ndarray:
-        """(S,) seeds that no motion failed in."""
-        return ~np.any([table.failed for table in self.in_order], axis=0)
+        """(S,) seeds that neither both models nor the twin failed in."""
+        return ~np.any([table.failures for table in self.in_order[:3]], axis=0)
+
+    @property
+    def comparable(self) -> np.ndarray:
+        """(S,) those of them that the reference did not fail in either."""
+        return self.good & ~self.reference.failures
+
+    def values_of(self, read: Callable[[StateTable], Floats]) -> list[Callable[[], Floats]]:
+        """Return functions that return values of the good seeds, one for each motion in order.
+
+        The reference has those of the original in seeds that it failed in.
+        """
+
+        def read_reference() -> Floats:
+            failed = self.reference.failures
+            return np.where(failed, read(self.original), read(self.reference))[self.good]
+
+        own = (lambda table=table: read(table)[self.good] for table in self.in_order[:3])
+        return [*own, read_reference]
 
 
 def tabulate_run(
@@ -86,13 +103,15 @@ def tabulate_run(
     workers: int,
     known_tables: dict[tuple[str, float], tuple[StateTable, StateTable, StateTable]],
 ) -> Tables:
-    """Run all four motions of a run, and sample them at the same times.
+    """Return the tables of all four motions of a run, sampled at the same times.
+
+    Each is run when a measure first needs it.
 
     `known_tables` are those of the original, the reference and the twin by the name of the run
     and the reference's timestep [s]; missing ones are added. They are the same for every change of
     one model.
     """
-    tabulate = partial(tabulate_states, extremes_too=not run.unconstrained)
+    tabulate = partial(StateTable, extremes_too=not run.unconstrained)
     key = run.name, float(run.reference.model.opt.timestep)
     if key not in known_tables:
         length = run.original.steps * float(run.original.model.opt.timestep)
@@ -139,25 +158,27 @@ def compare_run(
     """
     model = run.original.model
     scale = float(model.stat.meansize)
-    before, after = (float(table.failed.sum()) for table in (tables.original, tables.changed))
+    before, after = (float(table.failures.sum()) for table in (tables.original, tables.changed))
     yield _build_measure(
         "runs that the engine gave up", run.name, "1", before, after,
         spread=0.0, tolerance=0.0, place="",
     )  # fmt: skip
-    if tables.original.failed.all() or tables.changed.failed.all():
+    if tables.original.failures.all() or tables.changed.failures.all():
         return
-    good = tables.good
-    if not good.any():
+    if not tables.good.any():
         return
     chaotic = is_chaotic(run, tables)
     yield from _compare_extremes(
-        run, tables, good, chaotic=chaotic, keeps_start=keeps_start, keeps_motion=keeps_motion
+        run, tables, chaotic=chaotic, keeps_start=keeps_start, keeps_motion=keeps_motion
     )
-    if not keeps_start:
+    if not (keeps_start and _needs_reference(run, keeps_motion=keeps_motion)):
+        return
+    good = tables.comparable
+    if not good.any():
         return
     if run.at_rest:
-        values = [table.resting_depth[good] for table in tables.in_order]
-        if any(each.any() for each in values[:2]):
+        values = tables.values_of(lambda table: table.resting_depth)
+        if any(each().any() for each in values[:2]):
             floor = LENGTH_TOLERANCE * scale
             place = tables.changed.extremes["depth"].place
             yield average_measure(
@@ -179,6 +200,11 @@ def compare_run(
         yield from place_measures
 
 
+def _needs_reference(run: PairedRun, *, keeps_motion: bool) -> bool:
+    # Whether a run has measures besides the extremes.
+    return bool(keeps_motion or run.at_rest or run.passive or run.actuators)
+
+
 def find_unresolved_bodies(run: PairedRun, tables: Tables, workers: int) -> np.ndarray:
     """Return (B,) which judged bodies end elsewhere if the step of the reference is halved.
 
@@ -189,10 +215,8 @@ def find_unresolved_bodies(run: PairedRun, tables: Tables, workers: int) -> np.n
     model = run.original.model
     finer = round(2 * run.reference.steps / run.original.steps)
     ends = tables.original.times[-1:]
-    table = tabulate_states(
-        reference_motion(run.original, finer), workers, ends, extremes_too=False
-    )
-    bodies, good = judged_bodies(model), tables.good & ~table.failed
+    table = StateTable(reference_motion(run.original, finer), workers, ends, extremes_too=False)
+    bodies, good = judged_bodies(model), tables.comparable & ~table.failures
     own, fine, finest = (
         each.positions[good][:, -1, bodies] for each in (tables.original, tables.reference, table)
     )
@@ -206,10 +230,10 @@ def find_chaotic_bodies(motion: Motion, workers: int) -> np.ndarray:
     model = motion.model
     ends = np.array([motion.steps * float(model.opt.timestep)])
     own, twin = (
-        tabulate_states(each, workers, ends, extremes_too=False)
+        StateTable(each, workers, ends, extremes_too=False)
         for each in (motion, nudge_start(motion))
     )
-    good, bodies = ~(own.failed | twin.failed), judged_bodies(model)
+    good, bodies = ~(own.failures | twin.failures), judged_bodies(model)
     apart = np.linalg.norm((twin.positions - own.positions)[good][:, -1, bodies], axis=-1)
     return apart.max(axis=0, initial=0.0) > LENGTH_TOLERANCE * float(model.stat.meansize)
 
@@ -227,7 +251,6 @@ def is_chaotic(run: PairedRun, tables: Tables) -> bool:
 def _compare_extremes(
     run: PairedRun,
     tables: Tables,
-    good: np.ndarray,
     *,
     chaotic: bool,
     keeps_start: bool,
@@ -236,14 +259,13 @@ def _compare_extremes(
     model = run.original.model
     scale = float(model.stat.meansize)
     for name, unit in EXTREME_UNITS.items():
-        extremes = [table.extremes[name] for table in tables.in_order]
-        values = [each.values[good] for each in extremes]
+        values = tables.values_of(lambda table, name=name: table.extremes[name].values)
         if (name in LIMIT_EXCESSES and not keeps_start) or not any(
-            each.any() for each in values[:2]
+            each().any() for each in values[:2]
         ):
             continue
         floor = LENGTH_TOLERANCE * scale if unit == "m" else ANGLE_TOLERANCE
-        place = extremes[1].place
+        place = tables.changed.extremes[name].place
         if name in LIMIT_EXCESSES and not keeps_motion:
             # A body that is meant to move otherwise may meet a limit as hard as any soft limit is.
             names = [name_of(model, "joint", each) for each in range(model.njnt)]
@@ -281,7 +303,7 @@ def average_measure(
     name: str,
     run: str,
     unit: str,
-    values: list[Floats],
+    values: Sequence[Callable[[], Floats]],
     floor: float,
     place: str,
     *,
@@ -289,23 +311,31 @@ def average_measure(
 ) -> VerifiedMeasure:
     """Return a measure of the means over S seeds, with their spread as part of its tolerance.
 
-    Values are (S,) those of the original, the changed model, the twin and the reference.
+    `values` return (S,) those of the original, the changed model, the twin and the reference. The
+    twin and the reference only allow more: they are asked where the measure changes by more than
+    the tolerance without them, and the reference of regular motion where it grows.
     """
-    before, after, twin, reference = (float(np.mean(each)) for each in values)
-    spread = abs(twin - before)
-    if len(values[0]) > 1:
-        spread += STANDARD_ERRORS * float(np.std(values[0], ddof=1)) / math.sqrt(len(values[0]))
-    if chaotic:
-        spread = max(spread, float(largest_by_chance(values)) - before)
+    own, other = values[0](), values[1]()
+    before, after, spread = float(np.mean(own)), float(np.mean(other)), 0.0
+    if len(own) > 1:
+        spread = STANDARD_ERRORS * float(np.std(own, ddof=1)) / math.sqrt(len(own))
     tolerance = max(spread, RELATIVE_TOLERANCE * before, floor)
-    # A more accurate run may reach as far as the reference does.
-    tolerance += max(0.0, reference - before)
+    if abs(after - before) > tolerance:
+        twin = values[2]()
+        spread += abs(float(np.mean(twin)) - before)
+        if chaotic:
+            samples = [own, other, twin, values[3]()]
+            spread = max(spread, float(largest_by_chance(samples)) - before)
+        tolerance = max(tolerance, spread)
+    if after > before + tolerance:
+        # A more accurate run may reach as far as the reference does.
+        tolerance += max(0.0, float(np.mean(values[3]())) - before)
     return _build_measure(
         name, run, unit, before, after, spread=spread, tolerance=tolerance, place=place
     )
 
 
-def largest_by_chance(values: list[Floats]) -> Floats:
+def largest_by_chance(values: Sequence[Floats]) -> Floats:
     """Return the largest mean that the changed motion has if it only moves by chance otherwise.
 
     The original, its twin and its reference are three samples of each seed's chaotic motion. The
@@ -378,13 +408,17 @@ def _compare_energy(
     scale = np.maximum(np.ptp(whole[3], axis=1), weight) + 1e-300
     gains = [(each.max(axis=1) - each[:, 0]) / scale for each in whole]
     yield average_measure(
-        "energy gain", run.name, "1", gains, ENERGY_TOLERANCE, "", chaotic=chaotic
+        "energy gain", run.name, "1", _as_known(gains), ENERGY_TOLERANCE, "", chaotic=chaotic
     )
     if keeps_motion:
         ends = [np.abs(each[:, -1] - whole[3][:, -1]) / scale for each in whole]
         yield average_measure(
-            "energy error", run.name, "1", ends, ENERGY_TOLERANCE, "", chaotic=chaotic
+            "energy error", run.name, "1", _as_known(ends), ENERGY_TOLERANCE, "", chaotic=chaotic
         )
+
+
+def _as_known(values: Sequence[Floats]) -> list[Callable[[], Floats]]:
+    return [lambda each=each: each for each in values]
 
 
 def _compare_tracking(
@@ -466,7 +500,7 @@ def _compare_places(
     chaotic: bool,
 ) -> Iterator[VerifiedMeasure]:
     # A body is chaotic if its twin ends elsewhere: its end says nothing, and is left out.
-    good = tables.good
+    good = tables.comparable
     bodies, scale = judged_bodies(run.original.model), float(run.original.model.stat.meansize)
     floor = LENGTH_TOLERANCE * scale
     places = [

@@ -2,12 +2,14 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
 from contactlab.budget.motion import Motion
-from contactlab.budget.windows import KEPT, body_name, replay
+from contactlab.budget.windows import KEPT, Run, body_name, replay
 from contactlab.contact.trace_arrays import Floats
 from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.model_names import name_of
@@ -40,33 +42,6 @@ class Extreme:
     place: str
 
 
-@dataclass(frozen=True)
-class StateTable:
-    """The evaluated states of one motion.
-
-    Attributes:
-        bits: the bits of all states, to distinguish equal motions from similar ones.
-        failed: (S,) whether the engine gave up or warned.
-        times: (K,) sample times [s].
-        positions: (S, K, nbody, 3) centers of mass [m], interpolated to the sample times.
-        lengths: (S, K, nu) lengths of actuators [rad or m].
-        energies: (S, K) potential and kinetic energy [J].
-        impacts: (S, K) whether a contact or a stop has occurred that the start does not have.
-        extremes: largest depth [m], gaps [m, rad] and excess over limits [m, rad], by name.
-        resting_depth: (S,) mean of the largest depth over the last fifth [m].
-    """
-
-    bits: bytes
-    failed: np.ndarray
-    times: Floats
-    positions: Floats
-    lengths: Floats
-    energies: Floats
-    impacts: np.ndarray
-    extremes: dict[str, Extreme]
-    resting_depth: Floats
-
-
 EXTREME_UNITS = {
     "depth": "m",
     "equality gap": "m",
@@ -79,51 +54,125 @@ LIMIT_EXCESSES = {"slide beyond its limit", "hinge beyond its limit"}
 """Extremes that depend on how a body moves, not on whether its start is possible."""
 
 
-def tabulate_states(
-    motion: Motion,
-    workers: int,
-    times: Floats,
-    *,
-    extremes_too: bool = True,
-    contact_states: int = CONTACT_STATES,
-    demands: mujoco.MjModel | None = None,
-) -> StateTable:
-    """Run a motion and evaluate its states.
+class _Samples(NamedTuple):
+    positions: Floats
+    lengths: Floats
+    energies: Floats
+    impacts: np.ndarray
 
-    Args:
-        motion: S seeds of N steps.
-        workers: threads that simulate.
-        times: (K,) sample times of bodies and actuators [s], the last at most its length.
-        extremes_too: False to leave depths and gaps at 0, which take most of the time.
-        contact_states: states with evaluated contacts, over all seeds.
-        demands: a model of the same layout. Its joint limits and active equalities count, so that
-            a change that removes them does not look better; those of the motion by default.
-    """
-    model, seeds, steps = motion.model, motion.seeds, motion.steps
-    run = replay(motion, steps * float(model.opt.timestep), workers)
-    states = run.velocity_states
-    finite = np.isfinite(states[:, : steps + 1]).reshape(seeds, -1)
-    failed: np.ndarray = np.logical_not(np.logical_and(run.valid.all(axis=1), finite.all(axis=1)))
-    demands = model if demands is None else demands
-    sampler = _StateSampler(motion, states, demands)
-    positions = np.full((seeds, len(times), model.nbody, 3), np.nan)
-    lengths = np.full((seeds, len(times), model.nu), np.nan)
-    energies = np.full((seeds, len(times)), np.nan)
-    impacts = np.zeros((seeds, len(times)), bool)
-    extremes = {name: Extreme(np.zeros(seeds), "") for name in EXTREME_UNITS}
-    resting = np.zeros(seeds)
-    if extremes_too:
-        _measure_joints(motion, demands, states, extremes)
-    stride = max(1, -(-seeds * steps // contact_states))
-    for seed in range(seeds):
-        if failed[seed]:
-            continue
-        sampled = positions[seed], lengths[seed], energies[seed]
-        impacts[seed] = sampler.sample_states(seed, times, *sampled)
-        if extremes_too:
-            _measure_extremes(sampler, seed, range(0, steps + 1, stride), extremes, resting)
-    bits = states[:, : steps + 1].tobytes()
-    return StateTable(bits, failed, times, positions, lengths, energies, impacts, extremes, resting)
+
+class StateTable:
+    """The states of one motion, which is run and evaluated when they are first needed."""
+
+    def __init__(
+        self,
+        motion: Motion,
+        workers: int,
+        times: Floats,
+        *,
+        extremes_too: bool = True,
+        contact_states: int = CONTACT_STATES,
+        demands: mujoco.MjModel | None = None,
+    ) -> None:
+        """Run nothing yet.
+
+        Args:
+            motion: S seeds of N steps.
+            workers: threads that simulate.
+            times: (K,) sample times of bodies and actuators [s], the last at most its length.
+            extremes_too: False to leave depths and gaps at 0.
+            contact_states: states with evaluated contacts, over all seeds.
+            demands: a model of the same layout. Its joint limits and active equalities count, so
+                that a change that removes them does not look better; those of the motion by
+                default.
+        """
+        self.times = times
+        self._motion, self._workers, self._extremes_too = motion, workers, extremes_too
+        self._contact_states = contact_states
+        self._demands = motion.model if demands is None else demands
+
+    @cached_property
+    def _run(self) -> Run:
+        length = self._motion.steps * float(self._motion.model.opt.timestep)
+        return replay(self._motion, length, self._workers)
+
+    @property
+    def _states(self) -> Floats:
+        # (S, N + 1, kept), from the start to the end.
+        return self._run.velocity_states[:, : self._motion.steps + 1]
+
+    @property
+    def bits(self) -> bytes:
+        """The bits of all states, to distinguish equal motions from similar ones."""
+        return self._states.tobytes()
+
+    @cached_property
+    def failures(self) -> np.ndarray:
+        """(S,) whether the engine gave up or warned."""
+        finite = np.isfinite(self._states).reshape(self._motion.seeds, -1).all(axis=1)
+        return np.logical_not(np.logical_and(self._run.valid.all(axis=1), finite))
+
+    @property
+    def positions(self) -> Floats:
+        """(S, K, nbody, 3) centers of mass [m], interpolated to the sample times."""
+        return self._samples.positions
+
+    @property
+    def lengths(self) -> Floats:
+        """(S, K, nu) lengths of actuators [rad or m]."""
+        return self._samples.lengths
+
+    @property
+    def energies(self) -> Floats:
+        """(S, K) potential and kinetic energy [J]."""
+        return self._samples.energies
+
+    @property
+    def impacts(self) -> np.ndarray:
+        """(S, K) whether a contact or a stop has occurred that the start does not have."""
+        return self._samples.impacts
+
+    @property
+    def extremes(self) -> dict[str, Extreme]:
+        """Largest depth [m], gaps [m, rad] and excess over limits [m, rad], by name."""
+        return self._contacts[0]
+
+    @property
+    def resting_depth(self) -> Floats:
+        """(S,) mean of the largest depth over the last fifth [m]."""
+        return self._contacts[1]
+
+    @cached_property
+    def _sampler(self) -> "_StateSampler":
+        return _StateSampler(self._motion, self._run.velocity_states, self._demands)
+
+    @cached_property
+    def _samples(self) -> _Samples:
+        model, shape = self._motion.model, (self._motion.seeds, len(self.times))
+        samples = _Samples(
+            np.full((*shape, model.nbody, 3), np.nan),
+            np.full((*shape, model.nu), np.nan),
+            np.full(shape, np.nan),
+            np.zeros(shape, bool),
+        )
+        for seed in np.flatnonzero(~self.failures).tolist():
+            sampled = samples.positions[seed], samples.lengths[seed], samples.energies[seed]
+            samples.impacts[seed] = self._sampler.sample_states(seed, self.times, *sampled)
+        return samples
+
+    @cached_property
+    def _contacts(self) -> tuple[dict[str, Extreme], Floats]:
+        seeds, steps = self._motion.seeds, self._motion.steps
+        extremes = {name: Extreme(np.zeros(seeds), "") for name in EXTREME_UNITS}
+        resting = np.zeros(seeds)
+        if not self._extremes_too:
+            return extremes, resting
+        _measure_joints(self._motion, self._demands, self._run.velocity_states, extremes)
+        stride = max(1, -(-seeds * steps // self._contact_states))
+        for seed in np.flatnonzero(~self.failures).tolist():
+            shown = range(0, steps + 1, stride)
+            _measure_extremes(self._sampler, seed, shown, extremes, resting)
+        return extremes, resting
 
 
 class _StateSampler:
