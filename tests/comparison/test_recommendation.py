@@ -89,3 +89,15 @@ def test_a_store_that_weighs_nothing_recommends_nothing(
 ) -> None:
     message = "neither store recommends a configuration"
     assert checked(baseline, stored("again", runs())).message == message
+
+
+def test_busy_machines_recommend_nothing_else(weighed: Runs, stored: Stored) -> None:
+    """Times that a busy machine moves by a fifth up or down make another one 30 % cheaper.
+
+    The median deviation is log 1.2 = .18, so two times move apart by 2 sqrt(2) 1.48 .18 = .77 in 95
+    of 100 cases, which is a saving of 53 %.
+    """
+    busy = weighed()
+    for index, factor in enumerate([1.2, 1 / 1.2, 1.2, 1.2, 1 / 1.2, 1.2, 0.35 / 1.2, 1 / 1.2]):
+        busy.cost(index, factor * 1e-3)
+    assert checked(stored("before", weighed()), stored("after", busy)).verdict == "same"

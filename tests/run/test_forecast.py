@@ -173,3 +173,14 @@ def test_suspicious_values_and_starts_are_questioned(axes: str, words: str, tmp_
     assert words in shown
     assert words or "meant" not in shown
     assert report.drive.startswith("nothing but the controls of its start")
+
+
+def test_a_pd_controller_runs_no_code_of_the_user_and_has_a_forecast(tmp_path: Path) -> None:
+    (tmp_path / "hinge.xml").write_text(
+        '<mujoco><worldbody><body><joint name="j"/><geom size=".1"/></body></worldbody>'
+        '<actuator><motor joint="j"/></actuator></mujoco>'
+    )
+    text = "{version: 1, scene: hinge.xml, drive: {kp: 2, kd: 1}, duration: 1, trace: none}"
+    request = read_request(text, "held", tmp_path / "store", folder=tmp_path, workers=0)
+    assert not request.allow_code
+    assert forecasts.forecast_sweep(request).seconds is not None

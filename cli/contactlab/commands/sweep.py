@@ -162,10 +162,10 @@ def sweep(
         for question in question_units(request.plan.axes, request.scene):
             say(f"warning: {question}")
     if plan:
-        if isinstance(request.scene.drive.drive, PolicyDrive):
+        if isinstance(drive := request.scene.drive.drive, PolicyDrive):
             say(
-                "a policy acts: every run starts slightly off rest, by its seed; "
-                "--set perturbation=0 starts exactly as written"
+                f"a {drive.noun} acts: each start is moved slightly, by the run's seed, so that an "
+                "unstable balance shows; --set perturbation=0 starts exactly as written"
             )
         return forecast_sweep(replace(request, allow_code=allow_code))
     if request.plan.count > CONFIRM_ABOVE and not yes:

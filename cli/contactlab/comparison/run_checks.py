@@ -1,5 +1,6 @@
 """Checks of runs and their labels, of expectations and of the recommendation."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -245,11 +246,16 @@ def expectation_checks(paired: PairedStores) -> Iterator[Finding]:
         yield unless_unjudged(paired, subject, finding, unjudged, after.valid)
 
 
+# Stored times of two sessions on one idle machine differ by up to this fraction for no reason.
+_LEAST_SAVING = 0.15
+
+
 def recommendation_check(paired: PairedStores) -> Finding:
     """Return whether the recommendation of `contactlab tradeoff` for the baseline still holds.
 
     It holds while it is feasible in the candidate and no feasible configuration is clearly faster,
-    both by the candidate's own times.
+    both by the candidate's own times: by more than those of all configurations scatter between the
+    stores.
     """
     level = paired.policy.recommendation.changed
     subject = Subject("same recommendation", "recommendation", level, two_sided=True)
@@ -270,12 +276,31 @@ def recommendation_check(paired: PairedStores) -> Finding:
     if evaluation is None or not evaluation.feasible or evaluation.time is None:
         return subject.single(WORSE, f"{old} is not feasible any more; now recommends {new}")
     saved = 1 - now.time / evaluation.time
-    # Stored times of two sessions on one machine differ by up to this fraction for no reason.
-    time_noise = 0.15
-    if saved > time_noise:
+    if saved > max(_LEAST_SAVING, 1 - math.exp(-_time_scatter(before, after))):
         saving_text = f"{new} takes {format_percent(saved)} less time than {old}"
         return subject.single(CHANGED, saving_text)
     return subject.single(SAME, old)
+
+
+def _time_scatter(before: TradeoffReport, after: TradeoffReport) -> float:
+    """Return how far the ratio of two times of one store moves by chance, as a logarithm.
+
+    Busy machines slow some configurations and not others, so the stores say it themselves: by the
+    median absolute deviation of the ratios of their times.
+    """
+    earlier = {repr(each.configuration): each.time for each in before.configurations}
+    shifts = [
+        math.log(each.time / old)
+        for each in after.configurations
+        if each.time and (old := earlier.get(repr(each.configuration)))
+    ]
+    fewest_shifts = 4  # fewer have no scatter of their own beside the two that are compared
+    if len(shifts) < fewest_shifts:
+        return 0.0
+    deviations = np.abs(np.array(shifts) - np.median(shifts))
+    # Of normal deviations 95 % lie within two standard deviations; a ratio has those of two times.
+    deviation_of_median, covered_deviations = 1.4826, 2.0
+    return covered_deviations * math.sqrt(2) * deviation_of_median * float(np.median(deviations))
 
 
 def _analyze_store(store: Store) -> TradeoffReport | None:

@@ -357,7 +357,7 @@ def allowed_policy(drive: LocatedDrive, *, allowed: bool) -> LocatedDrive | None
     """Return a drive if it is a policy; a SceneError if its code is not allowed, or fails."""
     if not isinstance(drive.drive, PolicyDrive):
         return None
-    if not allowed and not isinstance(drive.drive, PdDrive):
+    if not allowed and drive.drive.runs_code:
         raise SceneError(
             f"drive: {drive.files[0]} is Python code, which runs only if you allow it; add "
             "--allow-code, or allow_code=True in Python"

@@ -65,8 +65,10 @@ def forecast_sweep(request: SweepRequest) -> SweepForecast:
     sums, sweep = _sum_runs(index), plan.sweep
     cost = None
     # Runs execute the code of a policy or of an environment.
-    executes = isinstance(scene.drive.drive, PolicyDrive) or scene.source.environment is not None
-    if sums.sampled and (request.allow_code or not executes):
+    drive = scene.drive.drive
+    runs_policy = isinstance(drive, PolicyDrive) and drive.runs_code
+    runs_code = runs_policy or scene.source.environment is not None
+    if sums.sampled and (request.allow_code or not runs_code):
         cost = sample_cost(request, index, sums.sampled)
     accuracy = timing = 0.0
     if sweep.accuracy or sweep.timing:
@@ -222,8 +224,8 @@ def _forecast_warnings(plan: Plan, scene: Scene, runs: int, sums: _RunSums) -> I
         )
     if sums.late:
         yield (
-            f"in {sums.late:,} of {runs:,} runs a timestep is longer than the period of the "
-            "policy, so they end as `invalid`: lower its rate or the timestep, or exclude them"
+            f"in {sums.late:,} of {runs:,} runs a timestep is longer than the period of its "
+            "controller, so they end as `invalid`: lower its rate or the timestep, or exclude them"
         )
     if sums.sampled and not (scene.source.manifest and scene.source.manifest.pairs):
         base = scene.base(sums.sampled[0].structure)

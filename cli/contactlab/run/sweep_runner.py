@@ -52,6 +52,7 @@ from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.model_edits import MODEL_ENGINE
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
+from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import (
     RECORD_VERSION,
     LabelEntry,
@@ -197,7 +198,8 @@ def _repeat_some(session: SweepSession) -> tuple[str, ...]:
     task, runs = session.task, session.index.iterate_runs()
     if task.policy is None or session.stop.is_set:
         return ()
-    if not session.executor.workers:
+    drive = task.policy.drive
+    if not session.executor.workers and isinstance(drive, PolicyDrive) and drive.runs_code:
         _LOG.warning(
             "with --workers 0 a run is repeated in this process only, so a policy that depends on "
             "its process is not noticed"

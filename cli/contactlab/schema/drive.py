@@ -99,6 +99,16 @@ class PolicyDrive(Model):
     )
 
     @property
+    def noun(self) -> str:
+        """What acts, in words."""
+        return "policy"
+
+    @property
+    def runs_code(self) -> bool:
+        """Whether it runs code of the user."""
+        return True
+
+    @property
     def latency_seconds(self) -> float:
         """Time from observation to action [s]."""
         if isinstance(self.latency, str):
@@ -114,6 +124,16 @@ class PdDrive(PolicyDrive):
     )
     kp: Positive = about("gain of positions [N/m or Nm/rad]")
     kd: Annotated[Number, Field(ge=0)] = about("gain of velocities", default=0.0)
+
+    @property
+    def noun(self) -> str:
+        """What acts, in words."""
+        return "PD controller"
+
+    @property
+    def runs_code(self) -> bool:
+        """Whether it runs code of the user."""
+        return False
 
 
 DRIVE_FORMS: Mapping[str, type[Model]] = {
