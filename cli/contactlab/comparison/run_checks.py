@@ -283,11 +283,9 @@ def recommendation_check(paired: PairedStores) -> Finding:
 
 
 def _time_scatter(before: TradeoffReport, after: TradeoffReport) -> float:
-    """Return how far the ratio of two times of one store moves by chance, as a logarithm.
-
-    Busy machines slow some configurations and not others, so the stores say it themselves: by the
-    median absolute deviation of the ratios of their times.
-    """
+    # How far the ratio of two times of one store moves by chance, as a logarithm. Busy machines
+    # slow some configurations and not others, so the stores say it: by the median deviation of the
+    # ratios of their times.
     earlier = {repr(each.configuration): each.time for each in before.configurations}
     shifts = [
         math.log(each.time / old)
