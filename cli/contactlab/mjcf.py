@@ -32,3 +32,8 @@ CONDITIONS = (
 def attribute_of(axis: str) -> str:
     """Return the attribute that an axis sets: `solref` for `solref.timeconst`, or its own name."""
     return "solref" if axis == "restitution" else axis.partition(".")[0]
+
+
+def is_condition(axis: str) -> bool:
+    """Return whether an axis is a physical condition: reports recommend no value of it."""
+    return attribute_of(axis) in CONDITIONS

@@ -160,6 +160,10 @@ def test_values_in_another_unit_are_refused_together(tmp_path: Path) -> None:
         ("{timestep: [2, 4]}", "timestep 4 s: is 4 ms meant? Write 0.004"),
         ("{margin: [0, 5]}", "margin 5 m: is 5 mm meant? Write 0.005"),
         ("{keyframe: [sunk, qpos0]}", "world and ball by 100 mm"),
+        (
+            "{drop_height: [0.2, -0.08]}",
+            "in 1 of 2 tried starts bodies begin deep inside each other, world",
+        ),
         ("{timestep: [0.002, 0.2]}", "1 of 2 runs have fewer than 10 steps"),
         ("{timestep: [0.002, 0.004]}", ""),
     ],

@@ -137,7 +137,11 @@ def sweep(
     surroundings().fork_workers(forked_workers)
     from contactlab.plan.grid import CONFIRM_ABOVE
     from contactlab.plan.overrides import Overrides
-    from contactlab.run.forecast import check_units, forecast_sweep, question_units
+    from contactlab.run.forecast import (
+        check_units,
+        forecast_sweep,
+        warn_of_settings,
+    )
     from contactlab.run.shards import parse_shard
     from contactlab.run.sweep_request import read_request
     from contactlab.run.worker_pool import worker_count
@@ -158,14 +162,11 @@ def sweep(
     check_units(request.plan, request.scene)
     for warning in request.plan.warnings:
         say(str(warning))
-    if not plan:
-        for question in question_units(request.plan.axes, request.scene):
-            say(f"warning: {question}")
     if plan:
-        if isinstance(drive := request.scene.drive.drive, PolicyDrive):
+        if isinstance(controller := request.scene.drive.drive, PolicyDrive):
             say(
-                f"a {drive.noun} acts: each start is moved slightly, by the run's seed, so that an "
-                "unstable balance shows; --set perturbation=0 starts exactly as written"
+                f"a {controller.noun} acts: each start is moved slightly, by the run's seed, so "
+                "that an unstable balance shows; --set perturbation=0 starts exactly as written"
             )
         return forecast_sweep(replace(request, allow_code=allow_code))
     if request.plan.count > CONFIRM_ABOVE and not yes:
@@ -173,6 +174,8 @@ def sweep(
             f"the sweep has {request.plan.count:,} runs; look at it with --plan, then run it with "
             "--yes"
         )
+    for warning in warn_of_settings(request):
+        say(f"warning: {warning}")
     request = replace(
         request,
         fresh=fresh,

@@ -18,6 +18,7 @@ from contactlab.contact.contact_laws import STABLE_STEP, refsafe_solref, stiffne
 from contactlab.engines import engine_of
 from contactlab.engines.engine import PreparedRuns
 from contactlab.errors import SweepFileError
+from contactlab.mjcf import is_condition
 from contactlab.plan.grid import Plan, SweptAxis
 from contactlab.plan.kept_traces import KeptTraces
 from contactlab.plan.refined_axes import smallest_run_count
@@ -34,8 +35,8 @@ from contactlab.scene.task import describe_excitation
 from contactlab.schema.drive import PolicyDrive, acts_too_often, describe_drive
 from contactlab.schema.store_reports import PlannedAxis, SweepForecast
 
-# A contact is pressed and released over 10 steps at the largest stable step: 2 timesteps of time
-# constant, of which an impact lasts about pi / 2 each way, and as many to settle.
+# The shortest impact takes 10 steps: a time constant is at least 2 timesteps, and a ball is pressed
+# in and thrown back within pi of them, and settles as long.
 _FEWEST_STEPS = 10
 
 
@@ -114,7 +115,10 @@ def forecast_sweep(request: SweepRequest) -> SweepForecast:
     return SweepForecast(
         axes=tuple(
             PlannedAxis(
-                name=axis.name, role=axis.role, count=axis.count, values=_values_text(axis.values)
+                name=axis.name,
+                role="scenario" if is_condition(axis.name) else axis.role,
+                count=axis.count,
+                values=_values_text(axis.values),
             )
             for axis in plan.axes
         ),
@@ -212,6 +216,26 @@ def _forecast_warnings(plan: Plan, scene: Scene, runs: int, sums: _RunSums) -> I
             f"in {sums.fast:,} of {runs:,} runs the timestep is too long for the contacts: "
             f"timestep / (timeconst * dampratio) is above {STABLE_STEP}, so contacts gain energy"
         )
+    yield from _setting_warnings(sums, runs)
+    if sums.sampled and not (scene.source.manifest and scene.source.manifest.pairs):
+        base = scene.base(sums.sampled[0].structure)
+        count, monitored = len(touch_places(base.model)[0]), len(base.pairs)
+        if count > monitored:
+            yield (
+                f"{monitored} of {count} pairs of geoms that can touch are monitored, the "
+                "likeliest: no label judges the others and no axis changes them; list `pairs` in "
+                "the scene's manifest to choose, and see ungraded_contacts of the runs"
+            )
+
+
+def warn_of_settings(request: SweepRequest) -> Iterator[str]:
+    """Yield settings of a sweep that look like another unit, or do not act as they are written."""
+    yield from question_units(request.plan.axes, request.scene)
+    index = RunIndex(request.plan, request.scene)
+    yield from _setting_warnings(_sum_runs(index), len(index))
+
+
+def _setting_warnings(sums: _RunSums, runs: int) -> Iterator[str]:
     if sums.clamped:
         yield (
             f"in {sums.clamped:,} of {runs:,} runs refsafe raises the time constant of solref to "
@@ -227,15 +251,6 @@ def _forecast_warnings(plan: Plan, scene: Scene, runs: int, sums: _RunSums) -> I
             f"in {sums.late:,} of {runs:,} runs a timestep is longer than the period of its "
             "controller, so they end as `invalid`: lower its rate or the timestep, or exclude them"
         )
-    if sums.sampled and not (scene.source.manifest and scene.source.manifest.pairs):
-        base = scene.base(sums.sampled[0].structure)
-        count, monitored = len(touch_places(base.model)[0]), len(base.pairs)
-        if count > monitored:
-            yield (
-                f"{monitored} of {count} pairs of geoms that can touch are monitored, the "
-                "likeliest: no label judges the others and no axis changes them; list `pairs` in "
-                "the scene's manifest to choose, and see ungraded_contacts of the runs"
-            )
 
 
 def _join_names(names: Iterable[str]) -> str:
@@ -247,7 +262,9 @@ def _join_names(names: Iterable[str]) -> str:
 def _overlap_warnings(scene: Scene, sampled: Sequence[RunSpec]) -> Iterator[str]:
     # More than a touch: 0.5 of half the thinner geom, where contacts start to push the wrong way.
     deep_share, most_runs = 0.5, 12
-    chosen = list({(run.keyframe, repr(sorted(run.axes.items()))): run for run in sampled}.values())
+    chosen = list(
+        {repr((run.keyframe, run.initial, run.structure)): run for run in sampled}.values()
+    )
     chosen = chosen[:: max(1, len(chosen) // most_runs)]
     overlaps = list[tuple[float, str]]()
     for run in chosen:

@@ -136,7 +136,7 @@ class LabelFacts(Model):
 
 
 class PairRecord(Model):
-    """The effective contact parameters of one monitored pair."""
+    """The contact parameters of one monitored pair, mixed from its geoms, before refsafe."""
 
     condim: int
     friction: tuple[float, ...] = about(
@@ -275,7 +275,9 @@ class EvidenceRecord(Model):
     effects_missed: dict[str, str] = about(
         "effects that are off although the run called for them", default_factory=dict
     )
-    pairs: dict[str, PairRecord] = about("effective contact parameters of each pair")
+    pairs: dict[str, PairRecord] = about(
+        "contact parameters of each pair, mixed from its geoms, before refsafe"
+    )
     edited_geoms: tuple[str, ...] = about("geoms whose contact parameters were set")
     seed: int = about("what perturbed the start state", unit="1")
     initial: Annotated[InitialState, InColumns("initial_")]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.errors import StoreError, did_you_mean, optional
-from contactlab.mjcf import CONDITIONS, attribute_of
+from contactlab.mjcf import is_condition
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import EvidenceRecord, StoreManifest, TraceFile
 from contactlab.schema.tradeoff_report import REALITY
@@ -214,10 +214,7 @@ class Store:
         roles, columns = stored_sweep(self.manifest.sweep).roles, self.columns
         if REALITY in columns.metric_columns and columns.has_finite(REALITY):
             return roles
-        return {
-            name: "scenario" if attribute_of(name) in CONDITIONS else role
-            for name, role in roles.items()
-        }
+        return {name: "scenario" if is_condition(name) else role for name, role in roles.items()}
 
     @property
     def scene_folder(self) -> Path:
