@@ -1,12 +1,11 @@
-"""The error of a model that `tune` wrote, measured anew in plain MuJoCo, by obvious loops.
+"""The error of a model that `tune` wrote, measured again in plain MuJoCo, by obvious loops.
 
 Run: python -m bench.tune_error FOLDER
 
-The folder is that of the study. The model as written runs at the study's fine step; in windows of
-40 ms, the written model begins where that motion is, and is held against it at the window's end.
-docs/how-to/budget.md defines the share. Of a written model whose bodies may sleep, the larger
-counts of that and of its own whole runs, whose windows are held against itself awake.
-Nothing is shared with the study but its motions' starts and inputs.
+The folder is that of the study. The written model runs from the starts of the task; in windows of
+40 ms of that run, the model as written goes on from its states at a quarter and an eighth of the
+step, and is compared with it at the window's end. docs/theory/error-budget.md defines the error.
+The study shares nothing but the starts and inputs of its motions.
 """
 
 import copy
@@ -21,9 +20,9 @@ from bench.tune_cost import answers_of, motions_of
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
-from contactlab.schema.tune_report import REPORT, Candidate, TuneReport
+from contactlab.schema.tune_report import REPORT, TuneReport
 
-WINDOW, WEIGHT, FINER = 0.04, 0.1, 16
+WINDOW, WEIGHT, RATES = 0.04, 0.1, (4, 8)
 SLEEP = int(mujoco.mjtEnableBit.mjENBL_SLEEP)
 
 
@@ -69,65 +68,83 @@ class Plain:
         return found
 
 
-def shares(written: Plain, tuned: Plain, motion: Motion, seed: int, own: float) -> np.ndarray:
-    """Return (B,) phantom impulses over real ones, of a seed of a phase whose step is `own`."""
-    fine, step = written.model.opt.timestep, tuned.model.opt.timestep
-    rate, multiple = round(own / fine), round(step / fine)
-    steps = max(1, round(WINDOW / own)) * rate
-    held = max(2, round(steps / multiple))
-    total = motion.steps * rate
-    inputs = motion.inputs[seed].repeat(rate, axis=0)
-    written.begin(motion.starts[seed])
-    states, speeds = dict[int, np.ndarray](), list[np.ndarray]()
-    for place in range(total + 1):
-        if place % steps == 0:
-            states[place] = written.state()
-        speeds.append(written.velocities())
-        if place < total:
-            written.step(inputs[place], motion.spec)
-    phantom, real = np.zeros(len(written.bodies)), np.zeros(len(written.bodies))
-    for begin, state in states.items():
-        end = begin + held * multiple
-        if begin + steps > total or end + multiple > total:
-            continue
-        tuned.begin(state)
-        seen = [tuned.velocities()]
-        for place in range(begin, end + multiple, multiple):
-            tuned.step(inputs[place : place + multiple].mean(axis=0), motion.spec)
-            seen.append(tuned.velocities())
-        fast = np.array(speeds[end - multiple : end + multiple + 1])
-        slow = np.array(seen[held - 1 : held + 2])
-        apart = np.maximum(away(slow[1], fast), away(fast[multiple], slow))
-        phantom += apart * steps / (held * multiple)
-        real += impulses(written, np.array(speeds[begin : begin + steps + 1 : rate]), own)
-        if begin == 0:
-            real += np.linalg.norm(speeds[0], axis=1)
-    return over(phantom, real)
+def build_references(written: mujoco.MjModel, tuned: mujoco.MjModel) -> list[Plain]:
+    """Return the model as written at fractions of a candidate's step, with its integrator."""
+    step = float(tuned.opt.timestep)
+    references = [Plain(written, step / rate) for rate in RATES]
+    for reference in references:
+        reference.model.opt.integrator = tuned.opt.integrator
+        reference.model.opt.enableflags &= ~SLEEP
+        go_on(reference)
+    return references
 
 
-def own_shares(tuned: Plain, awake: Plain, motion: Motion, seed: int) -> np.ndarray:
-    """Return the same of a model along its own run, held against itself, awake at finer steps."""
-    step = tuned.model.opt.timestep
-    length = max(1, round(WINDOW / step))
+def own_shares(
+    tuned: Plain, references: Sequence[Plain], motion: Motion, seed: int, own: float
+) -> np.ndarray:
+    """Return (2, B) residual impulses over real ones, of a seed of a phase whose step is `own`."""
+    step = float(tuned.model.opt.timestep)
+    total = max(2, round(motion.steps * own / step))
+    edges = np.minimum(np.round(np.arange(total + 2) * step / own), motion.steps).astype(int)
+    rows = motion.inputs[seed]
+    inputs = [
+        rows[min(first, motion.steps - 1) : max(last, first + 1)].mean(axis=0)
+        for first, last in itertools.pairwise(edges.tolist())
+    ]
+    inputs[-1] = inputs[-2]
     tuned.begin(motion.starts[seed])
     states, speeds = list[np.ndarray](), [tuned.velocities()]
-    for inputs in motion.inputs[seed]:
+    for row in inputs:
         states.append(tuned.state())
-        tuned.step(inputs, motion.spec)
+        tuned.step(row, motion.spec)
         speeds.append(tuned.velocities())
     slow = np.array(speeds)
-    phantom, real = np.zeros(len(tuned.bodies)), np.linalg.norm(slow[0], axis=1)
-    for begin in range(0, motion.steps - length, length):
-        awake.begin(states[begin])
-        seen, end = [awake.velocities()], begin + length
-        for inputs in motion.inputs[seed, begin : end + 1].repeat(FINER, axis=0):
-            awake.step(inputs, motion.spec)
-            seen.append(awake.velocities())
-        fast, last = np.array(seen), length * FINER
-        there = away(slow[end], fast[last - FINER : last + FINER + 1])
-        phantom += np.maximum(there, away(fast[last], slow[end - 1 : end + 2]))
-        real += impulses(tuned, slow[begin : end + 1], step)
-    return over(phantom, real)
+    length = min(total, max(1, round(WINDOW / step)))
+    residual = np.zeros((len(RATES), len(tuned.bodies)))
+    real = np.linalg.norm(slow[0], axis=1)
+    begins = np.minimum(np.arange(-(-total // length)) * length, total - length).tolist()
+    for begin in begins:
+        for place, (rate, reference) in enumerate(zip(RATES, references, strict=True)):
+            reference.begin(states[begin])
+            seen = [reference.velocities()]
+            for row in inputs[begin : begin + length + 1]:
+                for _ in range(rate):
+                    reference.step(row, motion.spec)
+                    seen.append(reference.velocities())
+            end, last = begin + length, length * rate
+            fast = within(np.array(seen[last - rate : last + rate + 1]), length / 4)
+            around = within(slow[end - 1 : end + 2], length / 4)
+            there = away(slow[end], fast)
+            residual[place] += np.maximum(there, away(seen[last], around))
+            if not place:
+                real += impulses(tuned, np.array(seen[: last + 1 : rate]), step)
+    return np.array([over(each, real) for each in residual])
+
+
+def within(line: np.ndarray, share: float) -> np.ndarray:
+    """Return the part of velocities (2 r + 1, B, 6) within a share of each side of the middle."""
+    reach = len(line) // 2
+    places = [place for place in range(-reach, reach + 1) if abs(place) < share * reach]
+    if share >= 1:
+        return line
+    ends = [-share * reach, *places, share * reach]
+    return np.array(
+        [
+            line[reach + int(np.floor(at))]
+            + (at - np.floor(at))
+            * (line[reach + int(np.ceil(at))] - line[reach + int(np.floor(at))])
+            for at in ends
+        ]
+    )
+
+
+def measure_phase(each: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return (B,) errors and their standard errors, from (seeds, 2, B) shares at both steps."""
+    coarse, fine = each[:, 0], each[:, 1]
+    factor = 2 * fine.sum(axis=0) / np.maximum(coarse.sum(axis=0), 1e-300) - 1
+    shares = np.maximum(factor, 0.5) * coarse
+    spread = shares.std(axis=0, ddof=1) / np.sqrt(len(shares)) if len(shares) > 1 else 0 * factor
+    return shares.mean(axis=0), spread
 
 
 def over(phantom: np.ndarray, real: np.ndarray) -> np.ndarray:
@@ -154,32 +171,16 @@ def away(one: np.ndarray, line: np.ndarray) -> np.ndarray:
     return best
 
 
-def measured(report: TuneReport, motions: Sequence[Motion], point: Candidate, file: str) -> float:
+def measured(report: TuneReport, motions: Sequence[Motion], file: str) -> float:
     """Return the error of an answer, whose model is in a file."""
-    fine = report.reference_step
-    written, tuned = (
-        Plain(mujoco.MjModel.from_xml_path(path), step)
-        for path, step in ((report.model, fine), (file, point.timestep))
-    )
-    own = mujoco.MjModel.from_xml_path(report.model).opt.timestep
-    go_on(written)
-    worst = 0.0
-    for motion in motions:
-        each = [shares(written, tuned, motion, seed, own) for seed in range(motion.seeds)]
-        worst = max(worst, float(np.mean(each, axis=0).max()))
-    multiple = round(point.timestep / fine)
-    both = [written.model.opt.integrator, tuned.model.opt.integrator]
-    is_rk4 = mujoco.mjtIntegrator.mjINT_RK4 in both
-    found = worst * (1.0 if is_rk4 or multiple < 2 else multiple / (multiple - 1))
-    if not tuned.model.opt.enableflags & SLEEP:
-        return found
-    awake = Plain(tuned.model, point.timestep / FINER)
-    awake.model.opt.enableflags &= ~SLEEP
-    go_on(awake)
-    for motion in motions_of(report, report.task, file):
-        each = [own_shares(tuned, awake, motion, seed) for seed in range(motion.seeds)]
-        found = max(found, float(np.mean(each, axis=0).max()))
-    return found
+    written, tuned = (mujoco.MjModel.from_xml_path(path) for path in (report.model, file))
+    references = build_references(written, tuned)
+    plain, own = Plain(tuned, float(tuned.opt.timestep)), float(written.opt.timestep)
+    each = [
+        np.array([own_shares(plain, references, motion, seed, own) for seed in range(motion.seeds)])
+        for motion in motions
+    ]
+    return max(float(measure_phase(found)[0].max()) for found in each)
 
 
 def go_on(plain: Plain) -> None:
@@ -194,7 +195,7 @@ def measure(folder: Path) -> str:
     report = TuneReport.model_validate_json((folder / REPORT).read_text())
     motions, parts = motions_of(report, report.task), list[str]()
     for name, (point, file) in answers_of(report).items():
-        found, claimed = measured(report, motions, point, str(folder / file)), point.error
+        found, claimed = measured(report, motions, str(folder / file)), point.error
         assert claimed
         parts.append(f"{name}: error claimed {claimed:.3%}, measured {found:.3%}")
         parts[-1] += f" ({found / claimed - 1:+.1%})"

@@ -3,10 +3,9 @@
 Run: python -m bench.tune_front FOLDER ...
 
 A folder is the output of `contactlab tune MODEL -o FOLDER`. Each point is built from the settings
-of its report, or loaded if it was written. Errors are those of `bench/tune_error.py`, against the
-model as written at the fine step and with the integrator of the report's reference; seeds are added
-until their mean is known to 5 %, or for a minute. Times are the medians of CPU times of whole runs,
-in turns, without the time that it takes to set inputs.
+of its report, or loaded if it was written. Errors are those of `bench/tune_error.py`. Seeds are
+added until their mean is known to 5 %, or for a minute. Times are the medians of CPU times of whole
+runs, in turns, without the time that it takes to set inputs.
 """
 
 import sys
@@ -18,13 +17,12 @@ from statistics import median
 import mujoco
 import numpy as np
 from bench.tune_cost import motions_of
-from bench.tune_error import Motion, Plain, away, go_on, impulses, over
+from bench.tune_error import Motion, Plain, build_references, measure_phase, own_shares
 
 from contactlab.budget.motion import INTEGRATION
 from contactlab.parts import register_parts
 from contactlab.schema.tune_report import REPORT, FrontPoint, TuneReport
 
-WINDOW, SLACK = 0.04, 0.05
 FIRST, BATCH, MOST_SEEDS, TIMED_SEEDS, TURNS = 1000, 8, 240, 3, 7
 PRECISION, SECONDS = 0.05, 60.0
 """Standard error of means that is wanted, as a share; CPU time of a model's errors at most [s]."""
@@ -88,70 +86,20 @@ def set_flag(model: mujoco.MjModel, name: str, *, on: bool) -> None:
     setattr(model.opt, field, bits | bit if on is known else bits & ~bit)
 
 
-class Reference:
-    """The reference motion of one seed of a phase: its velocities at each fine step."""
-
-    def __init__(self, written: Plain, motion: Motion, seed: int, own: float) -> None:
-        self.written, self.motion, self.own = written, motion, own
-        self.rate = round(own / written.model.opt.timestep)
-        self.steps = max(1, round(WINDOW / own)) * self.rate
-        self.total = motion.steps * self.rate
-        self.inputs = motion.inputs[seed].repeat(self.rate, axis=0)
-        written.begin(motion.starts[seed])
-        self.states, speeds = dict[int, np.ndarray](), list[np.ndarray]()
-        for place in range(self.total + 1):
-            if place % self.steps == 0:
-                self.states[place] = written.state()
-            speeds.append(written.velocities())
-            if place < self.total:
-                written.step(self.inputs[place], motion.spec)
-        self.speeds = np.array(speeds)
-
-    def shares_of(self, tuned: Plain) -> np.ndarray:
-        """Return (B,) residual impulses of a model over real ones."""
-        multiple = round(tuned.model.opt.timestep / self.written.model.opt.timestep)
-        held = max(2, round(self.steps / multiple))
-        slack = max(1, min(multiple, int(SLACK * held * multiple + 1e-6)))
-        residual, real = np.zeros(self.speeds.shape[1]), np.zeros(self.speeds.shape[1])
-        for begin, state in self.states.items():
-            end = begin + held * multiple
-            if begin + self.steps > self.total or end + multiple > self.total:
-                continue
-            tuned.begin(state)
-            seen = list[np.ndarray]()
-            for step, place in enumerate(range(begin, end + multiple, multiple), 1):
-                rows = self.inputs[place : place + multiple]
-                tuned.step(rows.mean(axis=0) if rows.shape[1] else rows[0], self.motion.spec)
-                if step >= held - 1:
-                    seen.append(tuned.velocities())
-            fast = self.speeds[end - slack : end + slack + 1]
-            slow = np.array(seen)
-            slow = slow[1] + (slow - slow[1]) * slack / multiple
-            apart = np.maximum(away(slow[1], fast), away(fast[slack], slow))
-            residual += apart * self.steps / (held * multiple)
-            way = self.speeds[begin : begin + self.steps + 1 : self.rate]
-            real += impulses(self.written, way, self.own)
-            if begin == 0:
-                real += np.linalg.norm(self.speeds[0], axis=1)
-        return over(residual, real)
-
-
 class FrontErrors:
     """Errors of models on ever more seeds.
 
     Attributes:
-        shares: by phase, (seeds, models, bodies) residual impulses over real ones.
+        shares: by phase, by seed and model, (2, bodies) residual impulses over real ones.
     """
 
     def __init__(self, report: TuneReport, models: Sequence[mujoco.MjModel]) -> None:
-        self._report, self._models = report, models
+        self._report = report
         written = mujoco.MjModel.from_xml_path(report.model)
         self._own = float(written.opt.timestep)
-        apply_settings(written, {"integrator": report.reference_integrator})
-        self._written = Plain(written, report.reference_step)
-        go_on(self._written)
         self._tuned = [Plain(each, float(each.opt.timestep)) for each in models]
-        names = [written.body(int(body)).name for body in self._written.bodies]
+        self._references = [build_references(written, each) for each in models]
+        names = [written.body(int(body)).name for body in self._tuned[0].bodies]
         observed = report.task.observed
         self._kept = [place for place, name in enumerate(names) if not observed or name in observed]
         self.shares = dict[str, list[np.ndarray]]()
@@ -161,28 +109,24 @@ class FrontErrors:
         task = self._report.task.model_copy(update={"seeds": tuple(seeds)})
         for motion in motions_of(self._report, task):
             for seed in range(motion.seeds):
-                reference = Reference(self._written, motion, seed, self._own)
-                found = np.array([reference.shares_of(each) for each in self._tuned])
-                self.shares.setdefault(motion.name, []).append(found[:, self._kept])
+                found = np.array(
+                    [
+                        own_shares(tuned, references, motion, seed, self._own)
+                        for tuned, references in zip(self._tuned, self._references, strict=True)
+                    ]
+                )
+                self.shares.setdefault(motion.name, []).append(found[..., self._kept])
 
     def means(self) -> tuple[list[float], list[float]]:
         """Return the error of each model in its worst body and phase, and its standard error."""
-        worst, apart = np.zeros(len(self._models)), np.zeros(len(self._models))
+        worst, apart = np.zeros(len(self._tuned)), np.zeros(len(self._tuned))
         for found in map(np.array, self.shares.values()):
-            mean, rows = found.mean(axis=0), np.arange(len(worst))
-            body = mean.argmax(axis=1)
-            spread = found.std(axis=0, ddof=1) / np.sqrt(len(found))
-            larger = mean[rows, body] > worst
-            worst = np.where(larger, mean[rows, body], worst)
-            apart = np.where(larger, spread[rows, body], apart)
-        rest = np.array([self._correct_reference(each) for each in self._models])
-        return (rest * worst).tolist(), (rest * apart).tolist()
-
-    def _correct_reference(self, model: mujoco.MjModel) -> float:
-        multiple = round(model.opt.timestep / self._report.reference_step)
-        both = (self._written.model.opt.integrator, model.opt.integrator)
-        is_rk4 = mujoco.mjtIntegrator.mjINT_RK4 in both
-        return 1.0 if is_rk4 or multiple < 2 else multiple / (multiple - 1)
+            for place in range(len(worst)):
+                mean, spread = measure_phase(found[:, place])
+                body = int(mean.argmax())
+                if mean[body] > worst[place]:
+                    worst[place], apart[place] = mean[body], spread[body]
+        return worst.tolist(), apart.tolist()
 
 
 def measure_errors(
@@ -253,7 +197,7 @@ def measure_front(folder: Path) -> None:
     task = report.task.model_copy(update={"seeds": tuple(range(FIRST, FIRST + TIMED_SEEDS))})
     motions, own = motions_of(report, task), float(written.opt.timestep)
     times = time_runs(motions, [written, *models], own)[1:]
-    right = {"error within 20 %": 0, "interval covers": 0, "time within 7 %": 0}
+    right = {"error within 20 %": 0, "range covers": 0, "time within 7 %": 0}
     for point, error, known, ratio in zip(report.front, errors, apart, times, strict=True):
         claimed, timed = point.error or np.nan, point.candidate.time_ratio
         shown = timed.ratio if timed else point.candidate.cost or np.nan
@@ -261,7 +205,7 @@ def measure_front(folder: Path) -> None:
         slack = 2 * known + 1e-3 * error  # motions without chance differ in their last digits
         covers = low - slack <= error <= high + slack
         right["error within 20 %"] += abs(error / claimed - 1) <= 0.2
-        right["interval covers"] += covers
+        right["range covers"] += covers
         right["time within 7 %"] += abs(ratio / shown - 1) <= 0.07
         print(
             f"{folder.name:10} {point.number} {point.name[:24]:24} error {claimed:9.4%} measured "
