@@ -21,7 +21,16 @@ from pydantic_core import PydanticCustomError
 
 from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.schema.setting_values import parse_decimal
-from contactlab.schema.strict_model import Model, Number, Positive, Word, about, list_word
+from contactlab.schema.strict_model import (
+    Hertz,
+    Model,
+    Number,
+    Positive,
+    Word,
+    about,
+    list_word,
+    read_seconds,
+)
 
 DRIVE_WORDS = ("auto", "none", "hold", "exercise")
 """Drives that a word names."""
@@ -49,7 +58,7 @@ class NoiseDrive(Model):
     noise: Annotated[float, Field(strict=True, gt=0, le=1)] = about(
         "root mean square over half the range of each control"
     )
-    rate: Positive = about("highest frequency [Hz]", default=10.0)
+    rate: Hertz = about("highest frequency [Hz]", default=10.0)
 
 
 class FileDrive(Model):
@@ -79,11 +88,12 @@ class PolicyDrive(Model):
         "FILE.py:CLASS, the file next to the one that names it",
         json_schema_extra={"pattern": _CLASS},
     )
-    rate: Positive = about("how often it acts [Hz]", default=50.0)
+    rate: Hertz = about("how often it acts [Hz], or 250 Hz", default=50.0)
     latency: Annotated[
-        Annotated[Number, Field(ge=0), Tag("@seconds")] | Annotated[Share, Tag("@share")],
-        Discriminator(lambda data: "@share" if isinstance(data, str) else "@seconds"),
-    ] = about("from observation to action: s, or 50% of a period", default=0.0)
+        Annotated[Number, Field(ge=0), BeforeValidator(read_seconds), Tag("@seconds")]
+        | Annotated[Share, Tag("@share")],
+        Discriminator(lambda data: "@share" if str(data).endswith("%") else "@seconds"),
+    ] = about("from observation to action: s, 8 ms, or 50% of a period", default=0.0)
     noise: ObservationNoise = about(
         "of its observations; by the run's seed", default=ObservationNoise()
     )

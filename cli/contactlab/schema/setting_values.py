@@ -133,6 +133,7 @@ _KINDS = {
     "m/s": {"mm/s": 1e-3, "cm/s": 1e-2, "m/s": 1.0},
     "rad/s": {"deg/s": math.pi / 180, "rad/s": 1.0},
     "N": {"mN": 1e-3, "N": 1.0, "kN": 1e3},
+    "Hz": {"Hz": 1.0, "kHz": 1e3},
     "N/m": {"N/m": 1.0, "kN/m": 1e3, "N/mm": 1e3},
 }
 SI_UNITS = {unit: (kind, size) for kind, units in _KINDS.items() for unit, size in units.items()}

@@ -54,7 +54,8 @@ MEASURED = {"type": ["number", "string"], "pattern": f"^({MEASURED_TEXT.pattern}
 """JSON schema of a number, or of a text with a unit."""
 
 
-def _read_seconds(value: object) -> object:
+def read_seconds(value: object) -> object:
+    """Return the time [s] that a text such as `8 ms` means; other values as they are."""
     return value if (number := without_unit(value, "s")) is None else number
 
 
@@ -62,10 +63,22 @@ _MOST_SECONDS = 1e9  # 31 years, which every clock and timer of a system can cou
 Seconds = Annotated[
     Positive,
     Field(le=_MOST_SECONDS),
-    BeforeValidator(_read_seconds),
+    BeforeValidator(read_seconds),
     WithJsonSchema({**MEASURED, "exclusiveMinimum": 0, "maximum": _MOST_SECONDS}),
 ]
 """A time [s]: a number, or a text such as `2s`, `500ms`."""
+
+
+def _read_hertz(value: object) -> object:
+    return value if (number := without_unit(value, "Hz")) is None else number
+
+
+Hertz = Annotated[
+    Positive,
+    BeforeValidator(_read_hertz),
+    WithJsonSchema({**MEASURED, "exclusiveMinimum": 0}),
+]
+"""A frequency [Hz]: a number, or a text such as `250 Hz`."""
 Whole = Annotated[int, Field(strict=True)]
 Flag = Annotated[bool, Field(strict=True)]
 Word = Annotated[str, Field(strict=True, min_length=1)]
