@@ -8,6 +8,7 @@ import pytest
 from contactlab.plan.task_options import read_task_options
 from contactlab.rendering.text import render_text
 from contactlab.scene.mujoco_versions import VERSION
+from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.tune_report import (
     REPORT,
     Candidate,
@@ -16,6 +17,7 @@ from contactlab.schema.tune_report import (
     SkippedSetting,
     Target,
     TuneReport,
+    Verification,
 )
 from contactlab.studies.search.report_text import UNVERIFIED, no_speedup_text, sentence_of
 from contactlab.studies.search.result_cache import find_cached_report
@@ -267,3 +269,26 @@ def test_headline_target_and_table_have_one_error_of_the_model_as_written(
     assert text.count("6 %") == 3
     assert "7.3 %" not in text
     assert "6.2 %" not in text
+
+
+def test_a_time_within_noise_is_said_to_be_that(asked: TuneRequest, tmp_path: Path) -> None:
+    report = found(asked, tmp_path)
+    assert report
+    verified = Verification(
+        seeds=(3, 4, 5), holds=True, meets_target=True, error=None, current_error=None,
+        verdict="ok", numerical_error=0.01, labels=(), sentence="nothing worse",
+    )  # fmt: skip
+    told = list[str]()
+    for high in (1.02, 0.98):
+        ratio = TimeRatio.of(0.95, 0.9, high)
+        best = report.current.model_copy(update={"cost": 0.94, "time_ratio": ratio, "exact": True})
+        told.append(
+            sentence_of(report.model_copy(update={"recommended": best, "verified": verified}))
+        )
+    assert told == [
+        (
+            "Recommended: x0.94 work, x0.95 (0.90 to 1.02) time, which is within noise, the same "
+            "motion."
+        ),
+        "Recommended: x0.95 (0.90 to 0.98) time, the same motion.",
+    ]

@@ -3,7 +3,8 @@
 import math
 from collections.abc import Iterator
 
-from contactlab.rendering.amounts import format_above, format_percent
+from contactlab.rendering.amounts import format_above, format_amount, format_percent
+from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.tune_report import Candidate, TuneReport
 from contactlab.studies.search.configuration import format_settings
 from contactlab.studies.search.settings_search import EQUAL_ERROR_RATIO
@@ -76,7 +77,7 @@ def sentence_of(report: TuneReport) -> str:
         if own != current and _is_within_seeds(report):
             change = f"error {own}, {current} as written; seeds differ by more"
         change = "the same motion" if best.exact else change
-        head = f"Recommended: {best.time_ratio.text} time, {change}."
+        head = f"Recommended: {_time_text(best.time_ratio, best.cost)}, {change}."
         if _is_above_tolerance(report):
             limit = format_percent(target.tolerance)
             head = f"The error as written is above the tolerance of {limit}. {head}"
@@ -86,6 +87,13 @@ def sentence_of(report: TuneReport) -> str:
             options = [option for option in options if _NOT_VERIFIED not in option]
     text = " ".join([head, *options])
     return f"{text} {_MORE_TIME}" if _NOT_VERIFIED in text else text
+
+
+def _time_text(ratio: TimeRatio, cost: float | None) -> str:
+    # If the interval of the time includes 1, only counted work shows the saving.
+    if cost is None or not ratio.low <= 1 <= ratio.high:
+        return f"{ratio.text} time"
+    return f"{format_amount(cost, 'x')} work, {ratio.text} time, which is within noise"
 
 
 def _is_within_seeds(report: TuneReport) -> bool:
