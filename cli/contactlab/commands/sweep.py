@@ -140,7 +140,6 @@ def sweep(
     from contactlab.run.forecast import (
         check_units,
         forecast_sweep,
-        warn_of_settings,
     )
     from contactlab.run.shards import parse_shard
     from contactlab.run.sweep_request import read_request
@@ -174,8 +173,6 @@ def sweep(
             f"the sweep has {request.plan.count:,} runs; look at it with --plan, then run it with "
             "--yes"
         )
-    for warning in warn_of_settings(request):
-        say(f"warning: {warning}")
     request = replace(
         request,
         fresh=fresh,
@@ -226,6 +223,7 @@ def _find_source(
 def _run_request(
     request: "SweepRequest", cluster: "AbstractContextManager[Executor | None]"
 ) -> "Store":
+    from contactlab.run.forecast import warn_of_settings
     from contactlab.run.sweep_runner import run_sweep
     from contactlab.store.finished_store import Store
 
@@ -233,6 +231,8 @@ def _run_request(
         manifest = run_sweep(
             replace(request, cluster=nodes), watch.begin, watch.advance, watch.stop
         )
+    for warning in warn_of_settings(request):
+        say(f"warning: {warning}")
     for what, why in manifest.sweep.lacking.items():
         say(f"{what} is left empty: {why}")
     for name in manifest.advisories:

@@ -107,7 +107,7 @@ class BodyMotion:
         """(K, 3) the contact forces as arrows, world frame [m]."""
         arrows = self.forces.force * self.scale
         lengths = np.linalg.norm(arrows, axis=1, keepdims=True)
-        return arrows * np.minimum(1.0, self.longest / np.maximum(lengths, np.finfo(float).tiny))
+        return arrows * (self.longest / np.maximum(lengths, self.longest))
 
 
 def read_motion(
