@@ -33,7 +33,9 @@ def test_a_sweep_is_taken_apart_in_its_scenarios(tmp_path: Path) -> None:
     # The box slides until friction stops it.
     assert found["tangential_friction"].verdict == "needed"
     assert not found["tangential_friction"].can_go
-    ratios = [each.time_ratio.ratio for each in report.effects if each.time_ratio]
+    # A time within noise is printed as the same, and has its place.
+    times = [each.time_ratio for each in report.effects if each.time_ratio]
+    ratios = [1.0 if time.low <= 1 <= time.high else time.ratio for time in times]
     assert report.sentence in " ".join(done.output.split())
     assert ratios == sorted(ratios)
 
