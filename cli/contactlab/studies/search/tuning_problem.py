@@ -14,7 +14,6 @@ from contactlab.budget.counted_time import count_pace
 from contactlab.budget.measuring import WINDOW, evaluations
 from contactlab.budget.restarts import build_reference_model
 from contactlab.errors import EngineError, SceneError
-from contactlab.judge.wording import plural
 from contactlab.modifications.catalogue import list_reductions
 from contactlab.modifications.unused_pairs import (
     exclusion_edits,
@@ -431,7 +430,7 @@ class TuningProblem:
             self.motions = [
                 first_seeds(motion, seeds) for motion in self.examined.motions_of(self.task)
             ]
-            reason = f"runs of {share * whole:.2g} s for {whole:g} s; --max-time allows no more"
+            reason = f"runs of {share * whole:.2g} of {whole:g} s; --max-time allows no more"
             self._skip_part("length", reason)
         allowed = _RULES.count_share * self.work / _RULES.search_passes
         samples = int(allowed / (self.cost.sample_seconds * len(self.motions)))
@@ -440,10 +439,10 @@ class TuningProblem:
     def _note_verification(self) -> None:
         whole, reasons = self.examined.task, list[str]()
         if self.verified_seeds < len(whole.seeds):
-            reasons.append(f"{plural(self.verified_seeds, 'seed')} for {len(whole.seeds)}")
-        if self.verified_share < 1:
-            length = self.verified_task.duration
-            reasons.append(f"runs of {length:.2g} s for {whole.duration:g} s")
+            reasons.append(f"{self.verified_seeds} of {len(whole.seeds)} seeds")
+        length, full_length = f"{self.verified_task.duration:.2g}", f"{whole.duration:.2g}"
+        if length != full_length:
+            reasons.append(f"{length} of {full_length} s")
         if reasons:
             reason = f"it compared {' and '.join(reasons)}; --max-time allows no more"
             self._skip_part("verification", reason)
