@@ -35,7 +35,7 @@ def test_the_places_of_labels_are_counted_from_the_worst() -> None:
     count = len(LABELS)
     for place, name in enumerate(LABELS, 1):
         assert definition_text(name).startswith(
-            f"{name}: a label, {place} of {count} from the worst"
+            f"{name}: a label; severity {LABELS[name].severity}, rank {place} of {count}, where"
         )
 
 

@@ -127,7 +127,10 @@ def _scene_axes() -> Definitions:
 
 def _label_lines(label: Label) -> Iterator[str]:
     place = list(LABELS).index(label.name) + 1
-    yield f"{label.name}: a label, {place} of {len(LABELS)} from the worst; {label.severity}"
+    yield (
+        f"{label.name}: a label; severity {label.severity}, rank {place} of {len(LABELS)}, where "
+        "1 is the worst"
+    )
     yield label.meaning
     for threshold in label.thresholds:
         yield _limit_line(threshold)
