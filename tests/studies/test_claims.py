@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from contactlab.errors import OutputError
-from contactlab.tasks.session import Session, free_folder
+from contactlab.tasks.session import Session, free_folder, own_folder
 
 
 def models(folder: Path) -> list[str]:
@@ -60,6 +60,19 @@ def test_each_of_two_models_of_one_name_has_a_folder(tmp_path: Path) -> None:
     with free_folder(results, "examine", str(third)) as folder:
         assert folder == results / "a-robot-3"
     assert not folder.exists()
+
+
+def test_a_study_of_a_second_model_of_one_name_is_kept_beside_the_first(tmp_path: Path) -> None:
+    """Each finds its own again, to print and to resume; what has no claim may be anyone's."""
+    (one, _), results = models(tmp_path), tmp_path / "results" / "tune"
+    second = tmp_path / "elsewhere/a/robot.xml"
+    second.parent.mkdir(parents=True)
+    second.write_text("<mujoco/>")
+    for model, name in ((one, "a-robot"), (str(second), "a-robot-2")) * 2:
+        folder = own_folder(results, model)
+        assert folder == results / name
+        folder.mkdir(parents=True, exist_ok=True)
+        Session(folder).claim("tune", model)
 
 
 def test_variants_and_commands_at_once_have_folders_of_their_own(tmp_path: Path) -> None:

@@ -201,11 +201,14 @@ def folder_of(output: str | Path) -> Path:
 
 
 def study_folder(study: str, subject: object, output: str | Path | None) -> Path:
-    """Return the folder of a study: as given, or `results/STUDY/NAME` for a subject's name."""
-    from contactlab.resources import RESULTS
-    from contactlab.tasks.session import model_name
+    """Return the folder of a study: as given, or `results/STUDY/NAME` for a subject's name.
 
-    return RESULTS / study / model_name(str(subject)) if output is None else folder_of(output)
+    A number follows if the folder has the results of another subject.
+    """
+    from contactlab.resources import RESULTS
+    from contactlab.tasks.session import own_folder
+
+    return folder_of(output) if output is not None else own_folder(RESULTS / study, str(subject))
 
 
 def path_next_to(store: "Address", ending: str) -> Path:

@@ -158,6 +158,20 @@ def free_folder(
         return
 
 
+def own_folder(parent: Path, reference: str) -> Path:
+    """Return the folder for a subject's results of a study: the first that no other subject has.
+
+    It has the subject's name, and lies in a folder with the name of the study.
+    """
+    name, source = model_name(reference), source_of(reference)
+    folders = (parent / (name if number == 1 else f"{name}-{number}") for number in count(1))
+    return next(
+        folder
+        for folder in folders
+        if Session(folder).read(CLAIMS, dict[str, str]).get(parent.name, source) == source
+    )
+
+
 def model_name(reference: str) -> str:
     """Return a name for a model's folder: of its folder and its file, without repetition."""
     path = Path(reference.rpartition(":")[2].rstrip("/"))
