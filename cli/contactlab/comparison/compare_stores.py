@@ -23,9 +23,7 @@ from contactlab.comparison.pairing import (
 )
 from contactlab.comparison.run_checks import (
     PairLabels,
-    bitwise_equal,
     expectation_checks,
-    knife_edge,
     knife_edge_check,
     label_checks,
     recommendation_check,
@@ -97,8 +95,7 @@ def compare(
             f"{policy.baseline_digest}, which is pinned; pin the new one if it was meant to change"
         )
     after = _open_store("candidate", candidate, thorough=thorough)
-    policy = choose_match(before, after, policy)
-    pairing = pair_runs(before, after, policy)
+    policy, pairing = match_runs(before, after, policy)
     policy = choose_judge(before, after, len(pairing.baseline), policy)
     paired = PairedStores(before, after, pairing, policy, today or date.today())  # noqa: DTZ011
     check_names(
@@ -132,11 +129,11 @@ def compare(
     if remeasure is not None:
         checks.append(remeasured_check(paired, remeasure))
     checks = apply_waivers(checks, policy.waive, paired.today)
-    equal = bool(bitwise_equal(paired).all())
+    equal = bool(paired.bitwise_equal.all())
     passed = "same" if equal else "no difference proven" if spread else "within tolerances"
     verdict, code, headline = draw_conclusion(checks, passed)
     flipped = paired.read_labels(paired.baseline) != paired.read_labels(paired.candidate)
-    pairing, flagged = paired.pairing, knife_edge(paired)
+    pairing, flagged = paired.pairing, paired.knife_edge
     compared_by = "id" if policy.match == "auto" else policy.match
     return ComparisonReport(
         verdict=verdict,
@@ -151,7 +148,7 @@ def compare(
             paired=len(pairing.baseline),
             missing=len(pairing.missing),
             new=len(pairing.new),
-            bitwise_equal=int(bitwise_equal(paired).sum()),
+            bitwise_equal=int(paired.bitwise_equal.sum()),
             knife_edge=int(flagged.sum()),
             knife_edge_flipped=int((flagged & flipped).sum()),
         ),
@@ -200,18 +197,6 @@ def unreadable_report(error: ContactlabError, policy: ComparePolicy) -> Comparis
     )
 
 
-def choose_match(baseline: Store, candidate: Store, policy: ComparePolicy) -> ComparePolicy:
-    """Return a policy that pairs by id if an id is common, and otherwise by axes.
-
-    A changed model gives all runs other ids, and the same axes.
-    """
-    match = policy.match
-    if match == "auto":
-        ids = (store.columns.ids() for store in (baseline, candidate))
-        match = "id" if len(pair_keys(*ids).baseline) else "axes"
-    return policy.model_copy(update={"match": match})
-
-
 def choose_judge(
     baseline: Store, candidate: Store, pairs: int, policy: ComparePolicy
 ) -> ComparePolicy:
@@ -228,20 +213,29 @@ def choose_judge(
     return policy.model_copy(update={"judge": judge})
 
 
-def pair_runs(baseline: Store, candidate: Store, policy: ComparePolicy) -> Pairing:
-    """Return the pairs of runs that `compare` compares; a StoreError if no run is in both.
+def match_runs(
+    baseline: Store, candidate: Store, policy: ComparePolicy
+) -> tuple[ComparePolicy, Pairing]:
+    """Return the pairs of runs that `compare` compares, and the policy with how they are matched.
 
-    Runs of equal id have the same scene content, settings, seed and duration. A policy with `match:
-    none` gives no pairs and no missing runs.
+    With `match: auto`, that is by id if an id is common, and otherwise by axes, because a changed
+    model gives all runs other ids, and the same axes. Runs of equal id have the same scene content,
+    settings, seed and duration. A policy with `match: none` gives no pairs and no missing runs.
+    Raises a StoreError if no run is in both stores.
     """
-    if policy.match == "none":
+    match = policy.match
+    if match == "none":
         none = np.zeros(0, np.intp)
-        return Pairing(none, none, none, none)
-    by_axes = policy.match == "axes"
-    ids = (store.columns.ids() for store in (baseline, candidate))
-    pairing = pair_by_axes(baseline, candidate) if by_axes else pair_keys(*ids)
-    if len(pairing.baseline):
-        return pairing
+        return policy, Pairing(none, none, none, none)
+    if match != "axes":
+        pairing = pair_keys(*(store.columns.ids() for store in (baseline, candidate)))
+        if len(pairing.baseline):
+            return policy.model_copy(update={"match": "id"}), pairing
+    by_axes = match != "id"
+    if by_axes:
+        pairing = pair_by_axes(baseline, candidate)
+        if len(pairing.baseline):
+            return policy.model_copy(update={"match": "axes"}), pairing
     message = f"no run of {baseline.address} is in {candidate.address}"
     if by_axes:
         raise StoreError(f"{message}: {explain_unpaired(baseline, candidate)}")
@@ -259,7 +253,7 @@ def pair_runs(baseline: Store, candidate: Store, policy: ComparePolicy) -> Pairi
 
 
 def _select_judged(paired: PairedStores) -> PairedStores:
-    return paired.without_pairs(knife_edge(paired) & paired.policy.knife_edge.exclude)
+    return paired.without_pairs(paired.knife_edge & paired.policy.knife_edge.exclude)
 
 
 def _check_outcomes(gated: PairedStores, control: Store | None) -> Iterator[Finding]:
@@ -269,7 +263,12 @@ def _check_outcomes(gated: PairedStores, control: Store | None) -> Iterator[Find
         return
     by_control, of_control = (
         _select_judged(
-            replace(gated, baseline=old, candidate=new, pairing=pair_runs(old, new, gated.policy))
+            replace(
+                gated,
+                baseline=old,
+                candidate=new,
+                pairing=match_runs(old, new, gated.policy)[1],
+            )
         )
         for old, new in ((control, gated.candidate), (gated.baseline, control))
     )

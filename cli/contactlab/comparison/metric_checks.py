@@ -4,8 +4,9 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -46,7 +47,36 @@ _WORDS: Mapping[Verdict, str] = {
 
 
 def metric_checks(paired: PairedStores) -> Iterator[Finding]:
-    """Yield the checks of every metric that the baseline or the candidate has."""
+    """Yield the checks of every metric that the baseline or the candidate has.
+
+    The pairs that they show are read at the end, all at once, since those of one metric lie in many
+    parts of the tables.
+    """
+    findings, shown = list[Finding](), list[ShownPairs]()
+    for finding, pairs in _metric_findings(paired):
+        findings.append(finding)
+        shown.append(pairs)
+    read = iter(
+        paired.run_pairs(
+            [index for pairs in shown for index in pairs.indices],
+            [value for pairs in shown for value in pairs.baseline],
+            [value for pairs in shown for value in pairs.candidate],
+        )
+    )
+    for finding, pairs in zip(findings, shown, strict=True):
+        yield finding.model_copy(update={"worst": (*islice(read, len(pairs.indices)),)})
+
+
+class ShownPairs(NamedTuple):
+    """The pairs of runs that a finding shows: index of each, and its values in both stores."""
+
+    indices: Sequence[int] = ()
+    baseline: Sequence[Value] = ()
+    candidate: Sequence[Value] = ()
+
+
+def _metric_findings(paired: PairedStores) -> Iterator[tuple[Finding, ShownPairs]]:
+    """Yield the finding of every metric and group, without its pairs, and these."""
     metric_columns = {
         **paired.candidate.columns.metric_columns,
         **paired.baseline.columns.metric_columns,
@@ -70,15 +100,16 @@ def metric_checks(paired: PairedStores) -> Iterator[Finding]:
                 two_sided=rule.better == "none",
             )
             if columns is None:
-                yield subject.skipped(reason or "")
+                yield subject.skipped(reason or ""), ShownPairs()
             else:
                 rows = slice(None) if member.all() else np.flatnonzero(member)
                 before, after = (column.at(rows) for column in columns)
                 of = range(len(member)) if isinstance(rows, slice) else rows.tolist()
-                pairs = MetricPairs(paired, of, before, after, exempt[rows])
+                pairs = MetricPairs(of, before, after, exempt[rows])
                 unjudged = after.valid & ~before.valid & ~pairs.exempt
-                finding = pairs.make_finding(subject, rule)
-                yield unless_unjudged(paired, subject, finding, unjudged, after.valid)
+                finding, shown = pairs.make_finding(subject, rule)
+                judged = unless_unjudged(paired, subject, finding, unjudged, after.valid)
+                yield judged, shown if judged is finding else ShownPairs()
 
 
 def explain_incomparable(paired: PairedStores, metric: Column, rule: EffectiveRule) -> str | None:
@@ -103,26 +134,26 @@ class MetricPairs:
     In the exempt pairs (n,), only one run may have a value.
     """
 
-    paired: PairedStores
     indices: Sequence[int]
     baseline: NumberColumn
     candidate: NumberColumn
     exempt: Mask
 
-    def make_finding(self, subject: Subject, rule: EffectiveRule) -> Finding:
-        """Return the finding that these values make by a rule."""
+    def make_finding(self, subject: Subject, rule: EffectiveRule) -> tuple[Finding, ShownPairs]:
+        """Return the finding that these values make by a rule, and the pairs that it shows."""
         verdicts = gap_verdicts(self.baseline, self.candidate, self.exempt)
         both = self.baseline.valid & self.candidate.valid & (verdicts == SAME)
         applies = both | (verdicts != SAME)
         runs = int(applies.sum())
         if not runs:
-            return subject.finding(verdicts[:0], "applies to no run")
+            return subject.finding(verdicts[:0], "applies to no run"), ShownPairs()
         compared = slice(None) if both.all() else both
         before, after = self.baseline.values[compared], self.candidate.values[compared]
         if rule.statistic == "each":
             verdicts[compared] = judge_changes(rule, before, after)
             message = _format_counts(verdicts, runs) or f"within {format_percent(rule.rel)}"
-            return subject.finding(verdicts[applies], message, self._find_worst(rule, verdicts))
+            judged = verdicts if runs == len(verdicts) else verdicts[applies]
+            return subject.finding(judged, message), self._find_worst(rule, verdicts)
         all_verdicts = verdicts[applies & ~both]
         parts = [_format_counts(verdicts, runs)] if len(all_verdicts) else []
         if both.any():
@@ -134,11 +165,10 @@ class MetricPairs:
             change = f"median ratio {new:.3g}" if rule.statistic == "ratio" else change
             change += "" if verdict[0] == SAME else f", {NAMES[int(verdict[0])]}"
             parts.insert(0, f"{change} (within {format_percent(rule.rel)})")
-        return subject.finding(
-            all_verdicts, "; ".join(parts), self._find_worst(rule, verdicts), judged_count=runs
-        )
+        finding = subject.finding(all_verdicts, "; ".join(parts), judged_count=runs)
+        return finding, self._find_worst(rule, verdicts)
 
-    def _find_worst(self, rule: EffectiveRule, verdicts: Verdicts) -> list[RunPair]:
+    def _find_worst(self, rule: EffectiveRule, verdicts: Verdicts) -> ShownPairs:
         """Return the pairs of the worst verdict that are farthest beyond the tolerance."""
         least = CHANGED if rule.better == "none" else WORSE
         changed_rows = np.flatnonzero(verdicts >= least)
@@ -156,7 +186,7 @@ class MetricPairs:
         worst = changed_rows[
             np.argsort(-(verdicts[changed_rows] + ordering), kind="stable")[:MOST_SHOWN]
         ]
-        return self.paired.run_pairs(
+        return ShownPairs(
             [self.indices[place] for place in worst.tolist()],
             [_finite_value(self.baseline, index) for index in worst.tolist()],
             [_finite_value(self.candidate, index) for index in worst.tolist()],

@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from contactlab.errors import PolicyError, StoreError
@@ -16,8 +17,10 @@ from contactlab.judge.subjects import Mask
 from contactlab.schema.comparison import ComparePolicy, Sameness
 from contactlab.schema.evidence import Setting
 from contactlab.schema.finding import RunPair
+from contactlab.store.arrow_values import number_array, numpy_array
 from contactlab.store.finished_store import Store
-from contactlab.store.run_columns import NumberColumn
+from contactlab.store.row_checks import is_null
+from contactlab.store.run_columns import NumberColumn, equal_texts
 
 Rows = NDArray[np.intp]
 Value = float | str | None
@@ -93,10 +96,13 @@ def pair_keys(baseline: Keys, candidate: Keys) -> Pairing:
     if baseline.shape == candidate.shape and np.array_equal(baseline, candidate):
         rows = np.arange(len(baseline))
         return Pairing(rows, rows, rows[:0], rows[:0], is_in_order=True)
-    _, old, new = np.intersect1d(baseline, candidate, assume_unique=True, return_indices=True)
-    rows, others = np.arange(len(baseline)), np.arange(len(candidate))
-    order = np.argsort(old)
-    return Pairing(old[order], new[order], np.delete(rows, old), np.delete(others, new))
+    keys = pc.SetLookupOptions(value_set=number_array(candidate))
+    found = pc.call_function("index_in", [number_array(baseline)], keys)
+    places = np.where(is_null(found), -1, numpy_array(found)).astype(np.intp)
+    has_partner, is_new = places >= 0, np.ones(len(candidate), np.bool_)
+    is_new[places[has_partner]] = False
+    rows = np.flatnonzero(has_partner)
+    return Pairing(rows, places[rows], np.flatnonzero(~has_partner), np.flatnonzero(is_new))
 
 
 def round_values(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -249,9 +255,43 @@ class PairedStores:
 
     def read_labels(self, store: Store) -> Ranks:
         """Return (n,) the worst label of each pair's run in one store, as its index in `ranks`."""
+        return self._labels[0 if store is self.baseline else 1]
+
+    @cached_property
+    def _labels(self) -> tuple[Ranks, Ranks]:
+        before, after = (self._coded_labels(store) for store, _ in self.sides)
+        return before, after
+
+    def _coded_labels(self, store: Store) -> Ranks:
         codes, words = store.columns.coded("label")
         indices = np.array([self.ranks.index(word) for word in words], dtype=np.int16)
         return indices[codes[self._side_rows(store)]]
+
+    @cached_property
+    def bitwise_equal(self) -> Mask:
+        """Pairs (n,) with bitwise equal trajectories."""
+        name = "trajectory_hash"
+        if self.pairing.is_in_order:
+            return equal_texts(self.baseline.columns, self.candidate.columns, name)
+        before, after = (store.columns.byte_strings(name)[rows] for store, rows in self.sides)
+        return (before == after) & (before != b"")
+
+    @cached_property
+    def knife_edges(self) -> tuple[Mask, Mask]:
+        """(n,) which runs of each store are on a knife edge, by a sweep that looked for them."""
+        before, after = (
+            self._side_numbers(store, rows, "knife_edge").values == 1
+            if store.manifest.sweep.resolved.get("knife_edge")
+            else np.zeros(len(rows), np.bool_)
+            for store, rows in self.sides
+        )
+        return before, after
+
+    @property
+    def knife_edge(self) -> Mask:
+        """Pairs (n,) with a run that gets another label if it starts 1e-6 away."""
+        before, after = self.knife_edges
+        return before | after
 
     def label_sets(self, store: Store) -> NDArray[np.int64]:
         """Return (n,) all labels of each pair's run in one store: bit i is label i of `ranks`."""

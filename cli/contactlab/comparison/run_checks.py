@@ -38,32 +38,6 @@ from contactlab.schema.comparison import AllowedTransition, Transition
 from contactlab.schema.finding import Finding
 from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store.finished_store import Store
-from contactlab.store.run_columns import equal_texts
-
-
-def bitwise_equal(paired: PairedStores) -> Mask:
-    """Return the pairs (n,) with bitwise equal trajectories."""
-    name = "trajectory_hash"
-    if paired.pairing.is_in_order:
-        return equal_texts(paired.baseline.columns, paired.candidate.columns, name)
-    before, after = (store.columns.byte_strings(name)[rows] for store, rows in paired.sides)
-    return (before == after) & (before != b"")
-
-
-def knife_edge(paired: PairedStores) -> Mask:
-    """Return the pairs (n,) with a run that gets another label if it starts 1e-6 away."""
-    before, after = knife_edges(paired)
-    return before | after
-
-
-def knife_edges(paired: PairedStores) -> tuple[Mask, Mask]:
-    """Return (n,) which runs of each store are on a knife edge, by a sweep that looked for them."""
-    columns = paired.read_numbers("knife_edge")
-    before, after = (
-        (column.values == 1) & bool(store.manifest.sweep.resolved.get("knife_edge"))
-        for column, (store, _) in zip(columns, paired.sides, strict=True)
-    )
-    return before, after
 
 
 def unpaired_checks(paired: PairedStores) -> Iterator[Finding]:
@@ -87,8 +61,8 @@ def knife_edge_check(paired: PairedStores) -> Finding:
     """Return whether few enough runs are on a knife edge."""
     rules = paired.policy.knife_edge
     subject = Subject("few knife-edge runs", "runs", rules.level)
-    before, after = (int(flags.sum()) for flags in knife_edges(paired))
-    flagged = knife_edge(paired)
+    before, after = (int(flags.sum()) for flags in paired.knife_edges)
+    flagged = paired.knife_edge
     total, excluded = len(flagged), int(flagged.sum()) if rules.exclude else 0
     too_many = after > max(rules.max_share * total, before)
     message = "not looked for"

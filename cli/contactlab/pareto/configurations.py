@@ -101,6 +101,9 @@ class _StoredNumbers(Mapping[str, Floats]):
             return np.broadcast_to(np.nan, self._columns.runs)
         return self._columns.numbers(name).values
 
+    def __contains__(self, name: object) -> bool:
+        return name in self._names
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._names)
 

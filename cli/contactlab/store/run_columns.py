@@ -254,10 +254,13 @@ class RunColumns:
 
     def byte_strings(self, name: str) -> NDArray[np.bytes_]:
         """Return (n,) strings as fixed-length bytes, for ids and hashes; empty for nulls."""
-        lengths = (compute_digests("binary_length", column) for _, column in self.parts(name))
-        width = max((compute_digests("max", part).as_py() or 1 for part in lengths), default=1)
+        width = 1
         texts = np.empty(self.runs, f"S{width}")
         for rows, column in self.parts(name):
+            longest = compute_digests("max", compute_digests("binary_length", column)).as_py() or 1
+            if longest > width:
+                width = longest
+                texts = texts.astype(f"S{width}")
             filled = compute_digests("coalesce", column, text_scalar(""))
             padded_texts = compute_digests("utf8_rpad", filled, options=pc.PadOptions(width, "\0"))
             texts[rows] = np.frombuffer(padded_texts.buffers()[2], texts.dtype, len(padded_texts))
@@ -268,13 +271,13 @@ class RunColumns:
         return self.select_values(["run_id", "seed", *self.axis_names], rows)
 
     def select_values(self, names: Sequence[str], rows: Sequence[int]) -> list[dict[str, Any]]:
-        """Return the values of some runs in some columns, reading only their row groups."""
-        selected: list[dict[str, Any]] = []
+        """Return the values of some runs in some columns, reading each needed row group once."""
+        of_row: dict[int, dict[str, Any]] = {}
         with table_errors(self.path):
-            for row in rows:
+            for row in sorted({*rows}):
                 start, part = self._find_part(row, tuple(names))
-                selected += part.slice(row - start, 1).to_pylist()
-        return selected
+                (of_row[row],) = part.slice(row - start, 1).to_pylist()
+        return [{**of_row[row]} for row in rows]
 
     def _find_part(self, row: int, names: tuple[str, ...]) -> tuple[int, pa.RecordBatch]:
         """Return the first row, and the content, of the part of a row group with a row."""
@@ -382,6 +385,10 @@ def select_rows(
 
 
 def _number_column(column: pa.Array) -> NumberColumn:
+    if column.null_count in {0, len(column)}:
+        valid = np.full(len(column), column.null_count == 0)
+        numbers = numpy_array(column) if valid.any() else np.full(len(column), np.nan)
+        return NumberColumn(numbers.astype(float, copy=False), valid)
     valid = numpy_array(compute_digests("is_valid", column))
     return NumberColumn(np.where(valid, numpy_array(column), np.nan), valid)
 
