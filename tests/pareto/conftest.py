@@ -12,6 +12,7 @@ from contactlab.pareto.configurations import (
     ResolvedCriteria,
     StoredRuns,
     evaluate_configurations,
+    group_runs,
 )
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
@@ -74,7 +75,8 @@ def make_weighed(
     rows: Rows, knobs: Sequence[str] = ("timestep",), error: str = "oracle_error", **limits: float
 ) -> list[Evaluated]:
     """Return the configurations of rows."""
-    return evaluate_configurations(make_runs(rows, knobs), make_weighing(error, **limits))
+    runs = make_runs(rows, knobs)
+    return evaluate_configurations(runs, make_weighing(error, **limits), group_runs(runs))
 
 
 @pytest.fixture(scope="session")

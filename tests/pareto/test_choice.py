@@ -236,8 +236,9 @@ def test_a_configuration_whose_bodies_end_elsewhere_is_not_recommended(
         for seed in range(3)
     ]  # fmt: skip
     runs = make_runs(rows)
-    evaluated = evaluate_configurations(runs, make_weighing("oracle_error", **LIMITS))
-    found = mark_ends(evaluated, runs, group_runs(runs))
+    groups = group_runs(runs)
+    evaluated = evaluate_configurations(runs, make_weighing("oracle_error", **LIMITS), groups)
+    found = mark_ends(evaluated, runs, groups)
     places = recommendable_places([each.summary for each in found])
     (chosen,) = equally_fast([found[place] for place in places])[:1]
     assert chosen.summary.configuration == {"timestep": recommended}

@@ -11,7 +11,12 @@ import numpy as np
 import pytest
 
 from contactlab.pareto.analysis import analyze_tradeoff
-from contactlab.pareto.configurations import ResolvedCriteria, StoredRuns, evaluate_configurations
+from contactlab.pareto.configurations import (
+    ResolvedCriteria,
+    StoredRuns,
+    evaluate_configurations,
+    group_runs,
+)
 from contactlab.pareto.criteria import Criteria
 from contactlab.pareto.recommendation import (
     EQUALLY_FAST,
@@ -116,8 +121,9 @@ def test_random_configurations_are_evaluated_as_tradeoff_does(browser: Any) -> N
     expected: list[list[Any]] = []
     for number in range(200):
         runs = random_runs(rng)
-        free = evaluate_configurations(runs, ResolvedCriteria(error, time, {}))
-        found = evaluate_configurations(runs, ResolvedCriteria(error, time, limits))
+        groups = group_runs(runs)
+        free = evaluate_configurations(runs, ResolvedCriteria(error, time, {}), groups)
+        found = evaluate_configurations(runs, ResolvedCriteria(error, time, limits), groups)
         places = None if number % 3 else [*range(0, len(found), 2)]
         cases.append(
             {

@@ -220,8 +220,7 @@ class PairedStores:
     def _side_numbers(self, store: Store, rows: Rows, name: str) -> NumberColumn:
         if name not in store.columns.schema.names:
             return NumberColumn(np.full(len(rows), np.nan), np.zeros(len(rows), dtype=np.bool_))
-        column = store.columns.numbers(name)
-        return column if self.pairing.is_in_order else column.at(rows)
+        return store.columns.numbers(name).at(self._side_rows(store))
 
     @cached_property
     def ranks(self) -> "tuple[str, ...]":
@@ -336,9 +335,16 @@ class PairedStores:
         ]
 
     def _side_rows(self, store: Store) -> Rows | slice:
-        if self.pairing.is_in_order:
-            return slice(None)
-        return self.pairing.baseline if store is self.baseline else self.pairing.candidate
+        return self._selected_rows[0 if store is self.baseline else 1]
+
+    @cached_property
+    def _selected_rows(self) -> tuple[Rows | slice, Rows | slice]:
+        # A slice of all rows copies nothing.
+        before, after = (
+            slice(None) if np.array_equal(rows, np.arange(store.columns.runs)) else rows
+            for store, rows in self.sides
+        )
+        return before, after
 
 
 def unpaired_runs(store: Store, role: str, rows: Sequence[int]) -> list[RunPair]:

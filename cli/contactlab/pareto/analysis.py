@@ -59,9 +59,10 @@ def analyze_tradeoff(store: Store, criteria: Criteria = _DEFAULT_CRITERIA) -> Tr
     resolved = ResolvedCriteria(error, time_measure(store), tolerances)
     names = (error.name, resolved.time.name, *tolerances, *PASS_COLUMNS, *END_COLUMNS)
     runs = read_runs(store, names)
-    evaluated = evaluate_configurations(runs, resolved)
+    groups = group_runs(runs)
+    evaluated = evaluate_configurations(runs, resolved, groups)
     if not is_chaotic(runs):
-        evaluated = mark_ends(evaluated, runs, group_runs(runs))
+        evaluated = mark_ends(evaluated, runs, groups)
     front = feasible_front(evaluated)
     baseline = None if runs.baseline is None else evaluated[0].summary
     own = baseline and baseline.configuration

@@ -214,13 +214,15 @@ class _Figures(NamedTuple):
     impacts: float
 
 
-def evaluate_configurations(runs: StoredRuns, criteria: ResolvedCriteria) -> list[Evaluated]:
+def evaluate_configurations(
+    runs: StoredRuns, criteria: ResolvedCriteria, groups: GroupedRuns
+) -> list[Evaluated]:
     """Evaluate every configuration, the model as written first, then in the order of the plan.
 
-    A configuration is feasible if it was run in every scenario and seed of any other, has no
+    The runs are grouped as `group_runs` does it. A configuration is feasible if it was run in every scenario and seed of any other, has no
     failure label in any of them, meets every tolerance in the worst of them, and was timed.
     """
-    groups, evaluated = group_runs(runs), list[Evaluated]()
+    evaluated = list[Evaluated]()
     firsts, counts = groups.order[groups.starts].tolist(), groups.counts.tolist()
     each = zip(
         firsts,
@@ -260,7 +262,7 @@ def _measured_figures(
     none = [None] * len(groups.starts)
     estimates = _largest_values(runs, groups, ESTIMATES[error.name]) if is_estimated else none
     columns = zip(
-        (_label_counts(part, names) for part in groups.split_values(codes)),
+        _label_counts(codes, names, groups),
         np.add.reduceat(good, groups.starts, dtype=np.int64).tolist(),
         zip(*worst.values(), strict=True) if worst else ([()] * len(none)),
         (part[np.isfinite(part)] for part in times),
@@ -276,11 +278,22 @@ def _measured_figures(
         yield _Figures(labels, number, dict(zip(worst, sizes_of, strict=True)), *others)
 
 
-def _label_counts(codes: NDArray[np.integer], names: Sequence[str]) -> dict[str, int]:
-    values, firsts, counts = np.unique(codes, return_index=True, return_counts=True)
-    order = np.argsort(firsts)
-    present_codes: list[int] = values[order].tolist()
-    return {names[code]: n for code, n in zip(present_codes, counts[order].tolist(), strict=True)}
+def _label_counts(
+    codes: NDArray[np.integer], names: Sequence[str], groups: GroupedRuns
+) -> list[dict[str, int]]:
+    """Return the number of runs by label in each configuration, in the order of their first run."""
+    size, count = len(groups.starts), len(names)
+    pairs = np.repeat(np.arange(size), groups.counts) * count + codes
+    counts = np.bincount(pairs, minlength=size * count).reshape(size, count)
+    first = np.full(size * count, len(codes))
+    # The last assignment of equal pairs stays, so the reversed order keeps the first run.
+    first[pairs[::-1]] = np.arange(len(codes))[::-1]
+    order = np.argsort(first.reshape(size, count), axis=1, kind="stable")
+    ordered = np.take_along_axis(counts, order, axis=1)
+    return [
+        {names[code]: number for code, number in zip(*row, strict=True) if number}
+        for row in zip(order.tolist(), ordered.tolist(), strict=True)
+    ]
 
 
 def _evaluate_one(

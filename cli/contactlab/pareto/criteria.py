@@ -119,4 +119,4 @@ def _check_number(store: Store, name: str) -> None:
 
 def _is_measured(store: Store, name: str) -> bool:
     columns = store.columns
-    return name in columns.schema.names and bool(columns.numbers(name).valid.any())
+    return name in columns.schema.names and columns.has_any(name)

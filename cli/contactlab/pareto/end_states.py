@@ -4,7 +4,7 @@ An error per window may be small while a body falls to the other side. Such a ru
 fast, and another result.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -39,14 +39,16 @@ def mark_ends(
     They are compared with the most accurate feasible one of the same model, case by case. Distances
     differ if the median difference exceeds a tenth of the larger one and the depths of contacts.
     """
-    ends = list(_read_ends(runs, groups))
     models: dict[tuple[tuple[str, Setting], ...], list[int]] = {}
     for place, each in enumerate(evaluated):
         if each.summary.feasible and each.summary.error is not None:
             key = tuple(item for item in each.values.items() if item[0] not in _DISCRETIZATION)
             models.setdefault(key, []).append(place)
     marked = list(evaluated)
-    for places in models.values():
+    # The only configuration of a model ends like itself.
+    compared = [places for places in models.values() if len(places) > 1]
+    ends = _read_ends(runs, groups, [place for places in compared for place in places])
+    for places in compared:
         finest = min(places, key=lambda place: evaluated[place].summary.error or 0.0)
         for place in places:
             difference = _describe_difference(ends[place], ends[finest])
@@ -55,20 +57,22 @@ def mark_ends(
     return marked
 
 
-def _read_ends(runs: StoredRuns, groups: GroupedRuns) -> Iterator[_Ends]:
+def _read_ends(runs: StoredRuns, groups: GroupedRuns, places: Sequence[int]) -> dict[int, _Ends]:
+    """Return the ends of some configurations, by their places."""
+    if not places:
+        return {}
     case = np.zeros(len(groups.order), np.int64)
     for column in (*runs.scenarios.values(), runs.seeds):
         case = case * len(column.values) + column.codes
-    columns = {
-        name: groups.split_values(np.asarray(runs.numbers[name])[groups.order])
-        for name in END_COLUMNS
-        if name in runs.numbers
-    }
-    for place, cases in enumerate(groups.split_values(case[groups.order])):
-        order = np.argsort(cases, kind="stable")
-        own = {name: parts[place][order] for name, parts in columns.items()}
-        depths = own.pop("penetration_max", np.zeros(len(order)))
-        yield _Ends(cases[order], own, np.nan_to_num(depths))
+    columns = {name: runs.numbers[name] for name in END_COLUMNS if name in runs.numbers}
+    members = groups.split_values(groups.order)
+    ends = dict[int, _Ends]()
+    for place in places:
+        own_runs = members[place][np.argsort(case[members[place]], kind="stable")]
+        own = {name: np.asarray(column)[own_runs] for name, column in columns.items()}
+        depths = own.pop("penetration_max", np.zeros(len(own_runs)))
+        ends[place] = _Ends(case[own_runs], own, np.nan_to_num(depths))
+    return ends
 
 
 def _describe_difference(here: _Ends, finest: _Ends) -> str:

@@ -18,6 +18,7 @@ from contactlab.errors import StoreError
 from contactlab.store.arrow_values import number_array, numpy_array, text_scalar
 from contactlab.store.runs_table import (
     GROUP,
+    NUMBERS,
     batches_of,
     compute_digests,
     iterate_rows,
@@ -186,6 +187,10 @@ class RunColumns:
             is_present[rows] = numpy_array(compute_digests("is_valid", column))
         return is_present
 
+    def has_any(self, name: str) -> bool:
+        """Return whether a column has any value."""
+        return any(part.null_count < len(part) for _, part in self.parts(name))
+
     def has_finite(self, name: str) -> bool:
         """Return whether a numeric column has any finite value."""
         return any(np.isfinite(_number_column(part).values).any() for _, part in self.parts(name))
@@ -331,12 +336,16 @@ class RunColumns:
     def parts(
         self, name: str, file: pq.ParquetFile | None = None
     ) -> Iterator[tuple[slice, pa.Array]]:
-        """Yield a column some rows at a time, each part with its rows."""
+        """Yield a column some rows at a time, each part with its rows.
+
+        Numbers come in larger parts than texts, since a reader takes a while to start.
+        """
         if name not in self.schema.names:
             raise StoreError(f"{self.path} has no column '{name}'")
         stop = 0
         with table_errors(self.path):
-            for batch in batches_of(file or self._file, GROUP, [name]):
+            size = NUMBERS if self.is_number(name) else GROUP
+            for batch in batches_of(file or self._file, size, [name]):
                 start, stop = stop, stop + len(batch)
                 yield slice(start, stop), batch.column(0)
 

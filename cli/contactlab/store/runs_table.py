@@ -42,6 +42,8 @@ _COLUMNS_KEY = b"contactlab.columns"
 _SHARED_KEY = b"contactlab.shared"
 GROUP = 1 << 14
 """Rows that are written at once, and read at once if some are needed: a row group or a part."""
+NUMBERS = 1 << 17
+"""Numbers of one column that are read at once, possibly from several row groups: 1 MiB."""
 # Shared fields that depend on the machine, the day, and the name of the sweep.
 _STORE_FIELDS = ("started", "finished", "provenance", "sweep")
 
@@ -385,14 +387,28 @@ def batches_of(
 ) -> Iterator[pa.RecordBatch]:
     """Yield the rows of a table, or of some groups or columns, at most `size` at a time.
 
-    Each row group is read separately, because a reader across groups keeps all texts that it has
-    read.
+    As many row groups are read at once as fit; a reader across more of them would keep all texts
+    that it has read.
     """
-    for group in range(file.num_row_groups) if groups is None else groups:
-        if file.metadata.row_group(group).num_rows <= size:
-            yield from file.read_row_group(group, names, use_threads=False).to_batches()
+    for lot in _lots_of(file, size, range(file.num_row_groups) if groups is None else groups):
+        if len(lot) > 1 or file.metadata.row_group(lot[0]).num_rows <= size:
+            yield from file.read_row_groups(lot, names, use_threads=False).to_batches()
         else:
-            yield from file.iter_batches(size, row_groups=[group], columns=names, use_threads=False)
+            yield from file.iter_batches(size, row_groups=lot, columns=names, use_threads=False)
+
+
+def _lots_of(file: pq.ParquetFile, size: int, groups: Iterable[int]) -> Iterator[list[int]]:
+    """Yield row groups in lots of at most `size` rows, or of a single group."""
+    lot, rows = list[int](), 0
+    for group in groups:
+        own = file.metadata.row_group(group).num_rows
+        if lot and rows + own > size:
+            yield lot
+            lot, rows = [], 0
+        lot.append(group)
+        rows += own
+    if lot:
+        yield lot
 
 
 @contextmanager
