@@ -60,6 +60,8 @@ def engine_parts(data: ReportData, parity: Path | None) -> EngineParts | None:
     report = _read_parity(parity, data) if parity else None
     # The rows of each engine's runs, MuJoCo's first.
     names = data.store.columns.coded("engine_name")
+    if report is None and len(names.values) < 2:
+        return None
     engine_runs = {
         name: np.flatnonzero(names.codes == code) for code, name in enumerate(names.values)
     }
@@ -67,8 +69,6 @@ def engine_parts(data: ReportData, parity: Path | None) -> EngineParts | None:
         engine: engine_runs[engine]
         for engine in sorted(engine_runs, key=lambda name: name != _REFERENCE)
     }
-    if report is None and len(codes) < 2:
-        return None
     gate = _gate_of_report(report) if report else _gate_of_store(data, codes)
     engine_costs = list[EngineCost]()
     columns, failed = data.store.columns, data.labels.failed

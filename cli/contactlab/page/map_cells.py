@@ -35,8 +35,7 @@ def label_counts(axes: MapAxes, labels: RunLabels) -> NDArray[np.int64]:
 def cell_statistic(axes: MapAxes, quantity: Quantity, kind: Statistic) -> Floats:
     """Return (rows, columns) one statistic of a quantity over the runs of each cell."""
     ascending = ascending_runs(quantity)
-    cells = axes.cells.astype(np.min_scalar_type(axes.size))
-    own, values = cells[ascending], quantity.values[ascending]
+    own, values = axes.cells[ascending], quantity.values[ascending]
     sums = _sum_places(own, values, axes.size)
     statistics = cell_statistics(own, values, sums, quantity.column.better)
     return statistics[STATISTICS.index(kind)].reshape(axes.shape)

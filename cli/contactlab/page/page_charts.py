@@ -115,17 +115,19 @@ def _changes_of(
 ) -> Iterator[tuple[KnobChange, tuple[Codes, Codes]]]:
     """Yield changes, each with the rows (m,) of its pairs, before and after."""
     others = combination_codes([other for other in axes if other is not axis], len(axis.codes))
-    base = np.flatnonzero(axis.codes == 0)
-    failed = labels.failed
+    base = np.flatnonzero(axis.codes == 0).astype(np.int32)
+    failed, shared = labels.failed, base[:0]
     for code in range(1, len(axis.ticks)):
-        rows = np.flatnonzero(axis.codes == code)
+        rows = np.flatnonzero(axis.codes == code).astype(np.int32)
         _, *places = np.intersect1d(others[base], others[rows], return_indices=True)
         before, after = base[places[0]], rows[places[1]]
         if len(before):
             shares = float(failed[before].mean()), float(failed[after].mean())
             ticks = axis.ticks[0], axis.ticks[code]
             change = KnobChange(axis.title, *ticks, len(before), shares, {})
-            yield change, (before.astype(np.int32), after.astype(np.int32))
+            # In a grid, all changes of an axis begin at the same runs.
+            shared = shared if np.array_equal(before, shared) else before
+            yield change, (shared, after)
 
 
 def _median_ratio(before: Floats, after: Floats) -> float | None:

@@ -43,7 +43,12 @@ from contactlab.reporting.boundaries import boundary_lines, describe_coverage
 from contactlab.reporting.finding import write_finding
 from contactlab.reporting.label_shares import share_words
 from contactlab.reporting.report import PageRequest, ReportData, read_report_data
-from contactlab.reporting.report_columns import number_with_unit, summary_metrics, with_unit
+from contactlab.reporting.report_columns import (
+    Quantity,
+    number_with_unit,
+    summary_metrics,
+    with_unit,
+)
 from contactlab.reporting.sensitivity import (
     axes_of_starts,
     budget_sentence,
@@ -401,7 +406,7 @@ def map_view(data: ReportData) -> MapView | None:
         corner=f"{axes.y.title} \\ {axes.x.title}" if axes.y else axes.x.title,
         ticks=axes.x.ticks,
         rows=rows,
-        has_closed_form=bool(data.quantities_named("oracle_expected")),
+        has_closed_form=any(column.name == "oracle_expected" for column in data.quantities.columns),
         coverage=describe_coverage(data.boundaries) if data.boundaries else "",
         draws_inferred=any(True for _ in inferred_labels(data)),
         boundary=[*boundary_lines(data.boundaries)] if data.boundaries else [],
@@ -476,18 +481,25 @@ def reality_view(data: ReportData) -> RealityView | None:
 
 def listed_runs(data: ReportData) -> Table:
     """Return a table of some runs, the worst first."""
-    quantities = data.quantities_named(*listed_metrics(data))
     most_listed = 24
-    worst = np.argsort(data.labels.codes, kind="stable")[:most_listed].tolist()
+    worst = list[int]()
+    for code in range(len(data.labels.names)):
+        if len(worst) < most_listed:
+            worst += np.flatnonzero(data.labels.codes == code)[: most_listed - len(worst)].tolist()
+    # One column at a time is in memory.
+    quantities = [
+        Quantity(quantity.column, quantity.values[worst])
+        for quantity in data.quantities.select_named(listed_metrics(data))
+    ]
     rows = [
         [
             str(identity["run_id"]),
             data.labels.names[data.labels.codes[row]],
             *(axis.ticks[axis.codes[row]] for axis in data.axes),
-            *(f"{quantity.values[row]:.4g}" for quantity in quantities),
+            *(f"{quantity.values[place]:.4g}" for quantity in quantities),
         ]
-        for row, identity in zip(
-            worst, data.store.columns.select_values(["run_id"], worst), strict=True
+        for place, (row, identity) in enumerate(
+            zip(worst, data.store.columns.select_values(["run_id"], worst), strict=True)
         )
     ]
     titles = (column.title for column in (*data.axes, *quantities))

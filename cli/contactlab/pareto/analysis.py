@@ -14,6 +14,7 @@ from contactlab.pareto.configurations import (
     STABLE,
     Evaluated,
     ResolvedCriteria,
+    StoredNumbers,
     StoredRuns,
     bounded_magnitudes,
     evaluate_configurations,
@@ -242,7 +243,7 @@ def tolerance_table(store: Store, report: TradeoffReport, names: Sequence[str]) 
 
     def worst(name: str) -> Floats:
         names = {name, ESTIMATES.get(name, name)} & {*columns.schema.names}
-        numbers = {column: columns.numbers(column).values for column in names}
+        numbers = StoredNumbers(columns, names)
         return np.maximum.reduceat(bounded_magnitudes(numbers, groups.order, name), groups.starts)
 
     is_sound = [

@@ -77,7 +77,7 @@ def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
         scenarios=of("scenario"),
         seeds=_compact_codes(columns.coded("seed")),
         labels=_compact_codes(columns.coded("label")),
-        numbers=_StoredNumbers(columns, names),
+        numbers=StoredNumbers(columns, names),
         solref_rules=columns.coded(_SOLREF_RULE).values if _SOLREF_RULE in present else (),
         baseline=place,
         written_options=written_options,
@@ -88,7 +88,7 @@ def _compact_codes(column: CodedColumn) -> CodedColumn:
     return column._replace(codes=column.codes.astype(np.min_scalar_type(len(column.values))))
 
 
-class _StoredNumbers(Mapping[str, Floats]):
+class StoredNumbers(Mapping[str, Floats]):
     """Some columns of a store, each read on request, since all of many runs fill memory."""
 
     def __init__(self, columns: RunColumns, names: Iterable[str]) -> None:
@@ -219,7 +219,7 @@ def evaluate_configurations(
 ) -> list[Evaluated]:
     """Evaluate every configuration, the model as written first, then in the order of the plan.
 
-    The runs are grouped as `group_runs` does it. A configuration is feasible if it was run in every scenario and seed of any other, has no
+    A configuration is feasible if it was run in every scenario and seed of any other, has no
     failure label in any of them, meets every tolerance in the worst of them, and was timed.
     """
     evaluated = list[Evaluated]()
@@ -248,6 +248,7 @@ def _measured_figures(
     """Yield the measured values of each configuration, one column of all runs after the other."""
     codes, names = runs.labels
     codes = codes[groups.order]
+    labels_of = _label_counts(codes, names, groups)
     good = np.array([name == STABLE for name in names])[codes]
     worst: dict[str, list[float | None]] = {}
     for name, limit in criteria.tolerances.items():
@@ -262,7 +263,7 @@ def _measured_figures(
     none = [None] * len(groups.starts)
     estimates = _largest_values(runs, groups, ESTIMATES[error.name]) if is_estimated else none
     columns = zip(
-        _label_counts(codes, names, groups),
+        labels_of,
         np.add.reduceat(good, groups.starts, dtype=np.int64).tolist(),
         zip(*worst.values(), strict=True) if worst else ([()] * len(none)),
         (part[np.isfinite(part)] for part in times),
@@ -282,13 +283,16 @@ def _label_counts(
     codes: NDArray[np.integer], names: Sequence[str], groups: GroupedRuns
 ) -> list[dict[str, int]]:
     """Return the number of runs by label in each configuration, in the order of their first run."""
-    size, count = len(groups.starts), len(names)
-    pairs = np.repeat(np.arange(size), groups.counts) * count + codes
-    counts = np.bincount(pairs, minlength=size * count).reshape(size, count)
-    first = np.full(size * count, len(codes))
-    # The last assignment of equal pairs stays, so the reversed order keeps the first run.
-    first[pairs[::-1]] = np.arange(len(codes))[::-1]
-    order = np.argsort(first.reshape(size, count), axis=1, kind="stable")
+    ends = np.append(groups.starts[1:], len(codes))
+    counts = np.zeros((len(ends), len(names)), np.int64)
+    first = np.full(counts.shape, len(codes))
+    for code in range(len(names)):
+        own = np.flatnonzero(codes == code)
+        starts, stops = np.searchsorted(own, groups.starts), np.searchsorted(own, ends)
+        is_there = stops > starts
+        counts[:, code] = stops - starts
+        first[is_there, code] = own[starts[is_there]]
+    order = np.argsort(first, axis=1, kind="stable")
     ordered = np.take_along_axis(counts, order, axis=1)
     return [
         {names[code]: number for code, number in zip(*row, strict=True) if number}
@@ -380,8 +384,12 @@ def bounded_magnitudes(numbers: Mapping[str, Floats], rows: Rows, name: str) -> 
 
     An error against a reference is at least the uncertainty of the reference.
     """
-    sizes, estimate = np.abs(numbers[name][rows]), numbers.get(ESTIMATES.get(name, ""))
-    return sizes if estimate is None else np.maximum(sizes, np.nan_to_num(estimate[rows]))
+    sizes = numbers[name][rows]
+    np.abs(sizes, out=sizes)
+    estimate = numbers.get(ESTIMATES.get(name, ""))
+    if estimate is not None:
+        np.maximum(sizes, np.nan_to_num(estimate[rows], copy=False), out=sizes)
+    return sizes
 
 
 def _excess_text(name: str, worst: float | None, tolerance: float) -> str:

@@ -79,7 +79,7 @@ def write_finding(
     rare = ~failed if 2 * failed.sum() > runs else failed
     words = _OF_STABLE if rare is not failed else _OF_FAILED
     swept = [axis for axis in axes if axis.name != SEED]
-    within = {axis.name: np.isin(axis.codes, axis.codes[rare]) for axis in swept}
+    within = {axis.name: _has_value_of(axis, rare) for axis in swept}
     bound, inside = _find_bounds(swept, within, rare)
     if not bound or rare[inside].mean() < _RULES.least_outcome_share:
         return _sufficient_sentence(swept, rare, words) or _extreme_sentence(
@@ -122,11 +122,18 @@ def _find_bounds(
     return [axis for axis in axes if axis.name in names], inside
 
 
+def _has_value_of(axis: GridAxis, runs: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return (n,) whether each run has a value of the axis that any of some runs has."""
+    is_among = np.zeros(len(axis.ticks), np.bool_)
+    is_among[axis.codes[runs]] = True
+    return is_among[axis.codes]
+
+
 def _sufficient_sentence(axes: Sequence[GridAxis], rare: NDArray[np.bool_], words: _Words) -> str:
     """Return a sentence on values that always lead to an outcome; empty for few runs of it."""
     parts: list[str] = []
     covered_runs = np.zeros(len(rare), dtype=bool)
-    pure = {axis.name: ~np.isin(axis.codes, axis.codes[~rare]) for axis in axes}
+    pure = {axis.name: ~_has_value_of(axis, ~rare) for axis in axes}
     for axis in sorted(axes, key=lambda axis: -pure[axis.name].sum())[: _RULES.few_bounds]:
         if (pure[axis.name] & ~covered_runs).any():
             parts.append(f"with {_describe_setting(axis, axis.codes[pure[axis.name]])}")

@@ -36,8 +36,11 @@ class MapAxes:
 
     @property
     def cells(self) -> Codes:
-        """(n,) the cell of each run, row by row."""
-        return self.cells_of(slice(None))
+        """(n,) the cell of each run, row by row, in as few bytes as hold it."""
+        cells = np.empty(len(self.x.codes), np.min_scalar_type(self.size))
+        for runs in split_blocks(len(cells)):
+            cells[runs] = self.cells_of(runs)
+        return cells
 
     def cells_of(self, runs: slice) -> Codes:
         """Return (m,) the cells of some runs."""
