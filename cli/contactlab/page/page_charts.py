@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from math import prod
 
 import altair as alt
 import numpy as np
@@ -114,20 +115,36 @@ def _changes_of(
     axis: GridAxis, axes: Sequence[GridAxis], labels: RunLabels
 ) -> Iterator[tuple[KnobChange, tuple[Codes, Codes]]]:
     """Yield changes, each with the rows (m,) of its pairs, before and after."""
-    others = combination_codes([other for other in axes if other is not axis], len(axis.codes))
-    base = np.flatnonzero(axis.codes == 0).astype(np.int32)
-    failed, shared = labels.failed, base[:0]
+    shared = [other for other in axes if other is not axis]
+    others, size = (
+        combination_codes(shared, len(axis.codes)),
+        prod(len(each.ticks) for each in shared),
+    )
+    if size > 4 * len(others):  # most combinations have no run
+        combinations, others = np.unique(others, return_inverse=True)
+        size = len(combinations)
+    others = others.astype(np.min_scalar_type(size))
+
+    def first_runs(code: int) -> Codes:
+        """Return (size,) the first run of each combination that has this value, otherwise -1."""
+        rows = np.flatnonzero(axis.codes == code).astype(np.int32)[::-1]
+        first = np.full(size, -1, np.int32)
+        # The last assignment of equal combinations stays.
+        first[others[rows]] = rows
+        return first
+
+    base, failed, earlier = first_runs(0), labels.failed, np.empty(0, np.int32)
     for code in range(1, len(axis.ticks)):
-        rows = np.flatnonzero(axis.codes == code).astype(np.int32)
-        _, *places = np.intersect1d(others[base], others[rows], return_indices=True)
-        before, after = base[places[0]], rows[places[1]]
+        runs = first_runs(code)
+        has_both = (base >= 0) & (runs >= 0)
+        before, after = base[has_both], runs[has_both]
         if len(before):
             shares = float(failed[before].mean()), float(failed[after].mean())
             ticks = axis.ticks[0], axis.ticks[code]
             change = KnobChange(axis.title, *ticks, len(before), shares, {})
             # In a grid, all changes of an axis begin at the same runs.
-            shared = shared if np.array_equal(before, shared) else before
-            yield change, (shared, after)
+            earlier = earlier if np.array_equal(before, earlier) else before
+            yield change, (earlier, after)
 
 
 def _median_ratio(before: Floats, after: Floats) -> float | None:

@@ -245,7 +245,8 @@ def combination_codes(axes: Sequence[GridAxis], runs: int) -> Codes:
     """Return (n,) one number for each combination of values of some axes."""
     codes = np.zeros(runs, dtype=np.int64)
     for axis in axes:
-        codes = codes * len(axis.ticks) + axis.codes
+        codes *= len(axis.ticks)
+        codes += axis.codes
     return codes
 
 
