@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 from mcap.opcode import Opcode
-from mcap.records import Channel
+from mcap.records import Attachment, Channel, Schema
 from numpy.typing import NDArray
 
 from contactlab.errors import CompilerError
@@ -103,7 +103,8 @@ def check_trace(data: bytes) -> CheckedTrace:
     schemas, channels = [*summary.schemas.values()], [*summary.channels.values()]
     if [channel.id for channel in channels] != [*range(1, len(channels) + 1)]:
         raise ValueError("its channels are not numbered from 1")
-    start = with_metadata(file_start(schemas, channels, model), metadata.name, metadata.metadata)
+    shared = _shared_part(schemas, channels, model)
+    start = with_metadata(shared.start, metadata.name, metadata.metadata)
     position, counts = len(start.data), np.zeros(len(channels), np.int64)
     chunks, framed = list[_Chunk](), list[FramedChunk]()
     is_equal = data.startswith(start.data)
@@ -119,7 +120,7 @@ def check_trace(data: bytes) -> CheckedTrace:
     *_, crc = DATA_END.unpack_from(data, position)
     if not is_equal or data[position:] != encode_end(start, framed, counts.tolist(), crc, position):
         raise ValueError(_MISMATCH)
-    check = _RecordCheck(channels)
+    check = shared.check
     # The messages of each channel are counted, the states hashed, and the record joined.
     digest, evidence, sizes = hashlib.sha256(), list[bytes](), Counter[int]()
     messages, time, last_size = np.zeros(len(check.channels), np.int64), -1, 0
@@ -143,6 +144,40 @@ def check_trace(data: bytes) -> CheckedTrace:
     return CheckedTrace(
         counts_by_topic, trajectory_hash, record_json, metadata.metadata, model.data
     )
+
+
+class _SharedPart:
+    """What files of one scene share: the start of each, and the layouts of their records."""
+
+    def __init__(
+        self, schemas: Sequence[Schema], channels: Sequence[Channel], model: Attachment
+    ) -> None:
+        self.definitions = schemas, channels, model
+        self.start = file_start(schemas, channels, model)
+        self._check: _RecordCheck | None = None
+
+    @property
+    def check(self) -> "_RecordCheck":
+        """The check of its records. Raises a ValueError if its states have no known layout."""
+        most_layouts = 32  # C compares the layout of each message with all that are known
+        if self._check is None or self._check.layouts > most_layouts:
+            self._check = _RecordCheck(self.definitions[1])
+        return self._check
+
+
+# Encoding the start takes longer than all else of a short trace.
+_RECENT = deque[_SharedPart](maxlen=4)
+
+
+def _shared_part(
+    schemas: Sequence[Schema], channels: Sequence[Channel], model: Attachment
+) -> _SharedPart:
+    definitions = schemas, channels, model
+    for recent in tuple(_RECENT):
+        if recent.definitions == definitions:
+            return recent
+    _RECENT.append(_SharedPart(*definitions))
+    return _RECENT[-1]
 
 
 def _frame_stored_chunk(
@@ -209,6 +244,11 @@ class _RecordCheck:
         # Time, positions and velocities have the same places in all of them.
         fields = [last.fields[name] for name in ("time", "qpos", "qvel")]
         self._spans = np.array([(each.start, 8 * each.starts.size) for each in fields])
+
+    @property
+    def layouts(self) -> int:
+        """The number of layouts of records that are known so far."""
+        return len(self._layouts)
 
     def read_chunk(self, chunk: _Chunk) -> _Records:
         """Return the content of a chunk. Raises a ValueError if it does not fit."""
