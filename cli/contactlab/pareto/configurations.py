@@ -292,11 +292,10 @@ def _label_counts(
         is_there = stops > starts
         counts[:, code] = stops - starts
         first[is_there, code] = own[starts[is_there]]
-    order = np.argsort(first, axis=1, kind="stable")
-    ordered = np.take_along_axis(counts, order, axis=1)
+    order = np.argsort(first, axis=1, kind="stable").tolist()
     return [
-        {names[code]: number for code, number in zip(*row, strict=True) if number}
-        for row in zip(order.tolist(), ordered.tolist(), strict=True)
+        {names[code]: numbers[code] for code in places if numbers[code]}
+        for places, numbers in zip(order, counts.tolist(), strict=True)
     ]
 
 
