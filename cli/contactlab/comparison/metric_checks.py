@@ -76,7 +76,7 @@ class ShownPairs(NamedTuple):
 
 
 def _metric_findings(paired: PairedStores) -> Iterator[tuple[Finding, ShownPairs]]:
-    """Yield the finding of every metric and group, without its pairs, and these."""
+    # Yield the finding of every metric and group, without its pairs, and these.
     metric_columns = {
         **paired.candidate.columns.metric_columns,
         **paired.baseline.columns.metric_columns,

@@ -282,7 +282,7 @@ def _measured_figures(
 def _label_counts(
     codes: NDArray[np.integer], names: Sequence[str], groups: GroupedRuns
 ) -> list[dict[str, int]]:
-    """Return the number of runs by label in each configuration, in the order of their first run."""
+    # Return the number of runs by label in each configuration, in the order of their first run.
     ends = np.append(groups.starts[1:], len(codes))
     counts = np.zeros((len(ends), len(names)), np.int64)
     first = np.full(counts.shape, len(codes))
@@ -292,7 +292,7 @@ def _label_counts(
         is_there = stops > starts
         counts[:, code] = stops - starts
         first[is_there, code] = own[starts[is_there]]
-    order = np.argsort(first, axis=1, kind="stable").tolist()
+    order: list[list[int]] = np.argsort(first, axis=1, kind="stable").tolist()
     return [
         {names[code]: numbers[code] for code in places if numbers[code]}
         for places, numbers in zip(order, counts.tolist(), strict=True)

@@ -58,7 +58,6 @@ def mark_ends(
 
 
 def _read_ends(runs: StoredRuns, groups: GroupedRuns, places: Sequence[int]) -> dict[int, _Ends]:
-    """Return the ends of some configurations, by their places."""
     if not places:
         return {}
     case = np.zeros(len(groups.order), np.int64)

@@ -123,7 +123,7 @@ def _find_bounds(
 
 
 def _has_value_of(axis: GridAxis, runs: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return (n,) whether each run has a value of the axis that any of some runs has."""
+    # Return (n,) whether each run has a value of the axis that any of some runs has.
     is_among = np.zeros(len(axis.ticks), np.bool_)
     is_among[axis.codes[runs]] = True
     return is_among[axis.codes]

@@ -398,7 +398,7 @@ def batches_of(
 
 
 def _lots_of(file: pq.ParquetFile, size: int, groups: Iterable[int]) -> Iterator[list[int]]:
-    """Yield row groups in lots of at most `size` rows, or of a single group."""
+    # Yield row groups in lots of at most `size` rows, or of a single group.
     lot, rows = list[int](), 0
     for group in groups:
         own = file.metadata.row_group(group).num_rows

@@ -147,7 +147,7 @@ def check_trace(data: bytes) -> CheckedTrace:
 
 
 class _SharedPart:
-    """What files of one scene share: the start of each, and the layouts of their records."""
+    """The part that files of one scene share: their start, and the layouts of their records."""
 
     def __init__(
         self, schemas: Sequence[Schema], channels: Sequence[Channel], model: Attachment
@@ -165,7 +165,7 @@ class _SharedPart:
         return self._check
 
 
-# Encoding the start takes longer than all else of a short trace.
+# Encoding the start takes longer than the messages of a short trace.
 _RECENT = deque[_SharedPart](maxlen=4)
 
 
