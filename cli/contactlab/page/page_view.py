@@ -592,7 +592,7 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
     environment = open_templates(finalize=visible_or_other)
     environment.filters.update(_FILTERS)
     # Altair's checks of each part take longer than the page; tests/reporting makes them.
-    with debug_mode(False):
+    with debug_mode(False), store.keeping_trace():
         view = page_view(store, request)
     return environment.get_template("page.html").render(view=view), view.head.notes
 

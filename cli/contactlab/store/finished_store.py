@@ -287,7 +287,26 @@ class Store:
         """
         from contactlab.store.mcap.trace_reader import read_trace  # noqa: PLC0415 - takes a while
 
-        return self._read_trace(run, read_trace)
+        kept: dict[str, StoredTrace] | None = self.__dict__.get(_KEPT)
+        record = self.record(run) if isinstance(run, str) else run
+        if kept is None or record.trace is None:
+            return self._read_trace(record, read_trace)
+        if record.trace.sha256 not in kept:
+            kept.clear()
+            kept[record.trace.sha256] = self._read_trace(record, read_trace)
+        return kept[record.trace.sha256]
+
+    @contextmanager
+    def keeping_trace(self) -> Generator[None]:
+        """Keep the last trace that was read for the context. Do not change its arrays.
+
+        The parts of a page read the same trace one after the other.
+        """
+        self.__dict__[_KEPT] = {}
+        try:
+            yield
+        finally:
+            del self.__dict__[_KEPT]
 
     def trace_messages(self, run: EvidenceRecord | str) -> bytes:
         """Return a run's trace as a file of messages, which viewers open; errors as in `trace`."""
@@ -357,6 +376,7 @@ def _match_ids(ids: pa.Array, function: str, part: str) -> pa.BooleanArray:
     return pc.call_function(function, [ids], pc.MatchSubstringOptions(part))
 
 
+_KEPT = "_kept_trace"
 _WRITER_HINT = "`contactlab sweep` writes one"
 
 
