@@ -9,7 +9,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from contactlab.errors import PolicyError, StoreError
@@ -17,10 +16,8 @@ from contactlab.judge.subjects import Mask
 from contactlab.schema.comparison import ComparePolicy, Sameness
 from contactlab.schema.evidence import Setting
 from contactlab.schema.finding import RunPair
-from contactlab.store.arrow_values import number_array, numpy_array
 from contactlab.store.finished_store import Store
-from contactlab.store.row_checks import is_null
-from contactlab.store.run_columns import NumberColumn, equal_texts
+from contactlab.store.run_columns import NumberColumn, equal_texts, places_among
 
 Rows = NDArray[np.intp]
 Value = float | str | None
@@ -96,9 +93,7 @@ def pair_keys(baseline: Keys, candidate: Keys) -> Pairing:
     if baseline.shape == candidate.shape and np.array_equal(baseline, candidate):
         rows = np.arange(len(baseline))
         return Pairing(rows, rows, rows[:0], rows[:0], is_in_order=True)
-    keys = pc.SetLookupOptions(value_set=number_array(candidate))
-    found = pc.call_function("index_in", [number_array(baseline)], keys)
-    places = np.where(is_null(found), -1, numpy_array(found)).astype(np.intp)
+    places = places_among(baseline, candidate)
     has_partner, is_new = places >= 0, np.ones(len(candidate), np.bool_)
     is_new[places[has_partner]] = False
     rows = np.flatnonzero(has_partner)

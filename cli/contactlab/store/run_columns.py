@@ -376,6 +376,16 @@ def equal_texts(one: RunColumns, other: RunColumns, name: str) -> NDArray[np.boo
     return equal
 
 
+def places_among(
+    values: NDArray[np.integer[Any]], among: NDArray[np.integer[Any]]
+) -> NDArray[np.intp]:
+    """Return (n,) the place of each integer among others (m,), -1 where it is not there."""
+    lookup = pc.SetLookupOptions(value_set=number_array(among))
+    found = compute_digests("index_in", number_array(values), options=lookup)
+    is_there = numpy_array(compute_digests("is_valid", found))
+    return np.where(is_there, numpy_array(found), -1).astype(np.intp)
+
+
 _Rows = TypeVar("_Rows", pa.RecordBatch, pa.Array)
 
 
