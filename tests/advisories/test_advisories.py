@@ -21,7 +21,7 @@ from contactlab.advisories.field_expressions import ModelFacts
 from contactlab.advisories.met_advisories import InstalledEngine, can_act, find_met_advisories
 from contactlab.advisories.witness_runs import compile_witness, fault_share, replay_witness
 from contactlab.budget.motion import INTEGRATION, Motion
-from contactlab.errors import AdvisoryError
+from contactlab.errors import AdvisoryError, EngineError
 from contactlab.parts import register_parts
 from contactlab.scene.scene_source import find_scene
 from contactlab.schema.advisory import Advisory, AffectedReleases
@@ -197,6 +197,18 @@ def test_a_process_that_ends_is_a_crash_and_the_rest_is_replayed(
     read = [read_advisory(written(tmp_path, id=f"LAB-2026-000{n}")) for n in (1, 2, 3)]
     report = check_advisories(read, [mujoco.__version__])
     assert [result.outcome for result in report.results] == ["shown", "crashed", "shown"]
+
+
+def test_a_process_that_cannot_import_is_an_error_and_no_crash(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("contactlab.studies.advisories.checking._PROCESS", "missing_process")
+    read = [read_advisory(written(tmp_path))]
+    with pytest.raises(EngineError, match=r"replayed under MuJoCo .* No module named") as error:
+        check_advisories(read, [mujoco.__version__])
+    assert error.value.exit_code == 2
+    assert "PYTHONPATH" in str(error.value)
+    assert capfd.readouterr().err == ""
 
 
 AFFECTED = """<mujoco><option jacobian="sparse"/><worldbody>

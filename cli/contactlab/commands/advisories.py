@@ -65,7 +65,7 @@ def check(
 
     Raises:
         AdvisoryError: a file is wrong.
-        EngineError: a release cannot be installed.
+        EngineError: a release cannot be installed, or replays no witness.
     """
     from contactlab.advisories.advisory_files import list_advisories, read_advisories
     from contactlab.studies.advisories.checking import check_advisories

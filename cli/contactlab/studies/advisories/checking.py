@@ -2,11 +2,14 @@
 
 import json
 import math
+import subprocess
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from contactlab.advisories.witness_runs import fault_share
+from contactlab.errors import EngineError
 from contactlab.schema.advisory import Advisory, numbers_of
 from contactlab.schema.advisory_report import AdvisoriesCheck, WitnessOutcome, WitnessResult
 from contactlab.step_progress import count_steps
@@ -25,7 +28,7 @@ def check_advisories(
     """Replay the witnesses of advisories under releases of MuJoCo.
 
     Raises:
-        EngineError: a release cannot be installed.
+        EngineError: a release cannot be installed, or replays no witness.
     """
     ordered = sorted(releases, key=numbers_of)
     results = list[WitnessResult]()
@@ -50,14 +53,30 @@ def _replay_files(
     # The last line of a file counts. A crash ends the process: a new one continues behind it.
     last, remaining_files = dict[str, dict[str, Any]](), list(files)
     while remaining_files:
-        process = run_python(["-P", "-m", _PROCESS, *remaining_files], release, notify)
+        arguments = ["-P", "-m", _PROCESS, *remaining_files]
+        process = run_python(arguments, release, notify, stderr=subprocess.PIPE)
         texts = (text for text in process.stdout.splitlines() if text.startswith('{"file"'))
         lines = list(map(json.loads, texts))
+        if not lines:
+            # No witness has begun, so that none ended the process.
+            raise EngineError(_describe_start(process, release))
+        sys.stderr.write(process.stderr)
         last |= {line["file"]: line for line in lines}
         current_file = lines[-1]["file"] if lines else remaining_files[0]
         last.setdefault(current_file, {"file": current_file})
         remaining_files = remaining_files[remaining_files.index(current_file) + 1 :]
     return last
+
+
+def _describe_start(process: "subprocess.CompletedProcess[str]", release: str) -> str:
+    """Say why a process replayed no witness, and what to do."""
+    said = process.stderr.strip().splitlines()
+    reason = said[-1] if said else f"it ended with {process.returncode}"
+    return (
+        f"no witness can be replayed under MuJoCo {release}, since {process.args[0]} does not "
+        f"start {_PROCESS}: {reason}; repair what this Python imports (PYTHONPATH may name another "
+        "contactlab or mujoco), or leave this release out of --mujoco"
+    )
 
 
 def _judge_line(advisory: Advisory, release: str, line: Mapping[str, Any]) -> WitnessResult:

@@ -64,17 +64,23 @@ def _version_numbers(version: str) -> tuple[int, ...]:
 
 
 def run_python(
-    arguments: Sequence[str], version: str | None, notify: Callable[[str], None]
+    arguments: Sequence[str],
+    version: str | None,
+    notify: Callable[[str], None],
+    *,
+    stderr: int | None = None,
 ) -> "subprocess.CompletedProcess[str]":
     """Run this Python with another release of MuJoCo before the one installed here.
 
-    The arguments are those of the interpreter. Its messages go to stderr, and its output is
-    returned. The release is that of the environment that `--mujoco` makes; other packages are the
-    same as here. Raises an EngineError if there is no such release, or it cannot be installed.
+    The arguments are those of the interpreter. Its messages go to stderr, unless that is to be
+    `subprocess.PIPE`, and its output is returned. The release is that of the environment that
+    `--mujoco` makes; other packages are the same as here. Raises an EngineError if there is no such
+    release, or it cannot be installed.
     """
     return subprocess.run(  # noqa: S603
         [sys.executable, *arguments],
         stdout=subprocess.PIPE,
+        stderr=stderr,
         text=True,
         check=False,
         env=variables_of_release(version, notify),
