@@ -266,11 +266,11 @@ def _time_scatter(before: TradeoffReport, after: TradeoffReport) -> float:
         for each in after.configurations
         if each.time and (old := earlier.get(repr(each.configuration)))
     ]
-    fewest_shifts = 4  # fewer have no scatter of their own beside the two that are compared
+    fewest_shifts = 4  # with fewer, the two that are compared decide the scatter
     if len(shifts) < fewest_shifts:
         return 0.0
     deviations = np.abs(np.array(shifts) - np.median(shifts))
-    # Of normal deviations 95 % lie within two standard deviations; a ratio has those of two times.
+    # 95 % of normal deviations lie within two standard deviations; a ratio has those of two times.
     deviation_of_median, covered_deviations = 1.4826, 2.0
     return covered_deviations * math.sqrt(2) * deviation_of_median * float(np.median(deviations))
 

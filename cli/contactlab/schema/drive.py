@@ -110,7 +110,7 @@ class PolicyDrive(Model):
 
     @property
     def noun(self) -> str:
-        """What acts, in words."""
+        """The controller, in words."""
         return "policy"
 
     @property
@@ -137,7 +137,7 @@ class PdDrive(PolicyDrive):
 
     @property
     def noun(self) -> str:
-        """What acts, in words."""
+        """The controller, in words."""
         return "PD controller"
 
     @property

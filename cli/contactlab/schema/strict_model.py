@@ -55,7 +55,7 @@ MEASURED = {"type": ["number", "string"], "pattern": f"^({MEASURED_TEXT.pattern}
 
 
 def read_seconds(value: object) -> object:
-    """Return the time [s] that a text such as `8 ms` means; other values as they are."""
+    """Return the time [s] that a text such as `8 ms` means; return other values unchanged."""
     return value if (number := without_unit(value, "s")) is None else number
 
 

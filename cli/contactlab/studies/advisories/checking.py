@@ -69,13 +69,12 @@ def _replay_files(
 
 
 def _describe_start(process: "subprocess.CompletedProcess[str]", release: str) -> str:
-    """Say why a process replayed no witness, and what to do."""
-    said = process.stderr.strip().splitlines()
-    reason = said[-1] if said else f"it ended with {process.returncode}"
+    lines = process.stderr.strip().splitlines()
+    reason = lines[-1] if lines else f"it ended with {process.returncode}"
     return (
         f"no witness can be replayed under MuJoCo {release}, since {process.args[0]} does not "
-        f"start {_PROCESS}: {reason}; repair what this Python imports (PYTHONPATH may name another "
-        "contactlab or mujoco), or leave this release out of --mujoco"
+        f"start {_PROCESS}: {reason}; repair the packages of this Python (PYTHONPATH may name "
+        "another contactlab or mujoco), or leave this release out of --mujoco"
     )
 
 
