@@ -60,7 +60,7 @@ def test_a_heavy_model_has_fewer_seeds_first(
     max_cpu: float, seeds: int, *, shorter: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Three seeds of 3 s at 2 ms make 4,500 steps, of 1 ms each: 135 s for thirty passes."""
-    monkeypatch.setattr("contactlab.studies.examine.examination.count_pace", take_long)
+    monkeypatch.setattr("contactlab.studies.examine.judged_model.count_pace", take_long)
     report = examine(tmp_path, TaskOptions(), max_cpu)
     assert len(report.task.seeds) == seeds
     assert (report.task.duration < 3.0) == shorter
@@ -71,7 +71,7 @@ def test_a_heavy_model_has_fewer_seeds_first(
 def test_a_requested_task_is_kept_however_heavy_it_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("contactlab.studies.examine.examination.count_pace", take_long)
+    monkeypatch.setattr("contactlab.studies.examine.judged_model.count_pace", take_long)
     whole = examine(tmp_path, TaskOptions(seeds=3, duration=0.5), 1.0)
     assert (len(whole.task.seeds), whole.task.duration) == (3, 0.5)
     assert whole.not_tried == ()
