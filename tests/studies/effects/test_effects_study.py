@@ -239,17 +239,25 @@ def test_a_kept_part_stays(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_no_smaller_model_is_written_if_its_time_may_be_the_same(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("low", "high", "end"),
+    [
+        (0.79, 1.01, "x0.90 (0.79 to 1.01) of the time, which is within noise"),
+        (0.88, 0.92, "x0.90 (0.88 to 0.92) of the time"),
+        (0.98, 1.01, "No smaller model: no set of parts saves more than 3%"),
+    ],
+)
+def test_only_a_time_that_disproves_the_saving_keeps_the_model(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, low: float, high: float, end: str
 ) -> None:
+    """Counted work is the same on a busy machine, whose intervals are wide."""
     (tmp_path / "crank.xml").write_text(CRANK.format(noslip=10, tendons=TENDONS))
-    noisy = TimeRatio.of(0.9, 0.79, 1.01)
+    measured = TimeRatio.of(0.9 if low < 0.9 else 0.99, low, high)
     timed = "contactlab.studies.effects.smaller_model.SmallerSearch._time_whole_runs"
-    monkeypatch.setattr(timed, lambda *_: noisy)
+    monkeypatch.setattr(timed, lambda *_: measured)
     task = read_task_options(drive="none", duration="0.05s")
     report = study_effects(
         EffectsRequest(str(tmp_path / "crank.xml"), task=task), Session(tmp_path / "out")
     )
-    assert report.smaller is None
-    assert report.sentence == "No smaller model: no set of parts saves more than 3%"
-    assert not list((tmp_path / "out").rglob("*.xml"))
+    assert report.sentence.endswith(end)
+    assert (report.smaller is None) == (not list((tmp_path / "out").rglob("*.xml")))
