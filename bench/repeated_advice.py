@@ -92,8 +92,13 @@ def list_values(value: Json, place: str) -> Iterator[tuple[str, str]]:
             own = entry.get("name", number) if isinstance(entry, dict) else number
             yield from list_values(entry, f"{place}[{own}]")
     else:
-        # A sentence has measured ratios and speeds, such as "x0.91 (0.90 to 0.92) time".
-        times = r"x[\d.]+ (\([^)]*\) )?(of the )?time|[\d.]+x real time"
+        # A sentence has measured ratios and speeds, such as "x0.91 (0.90 to 0.92) time", and says
+        # where the interval is too wide to show the saving of counted work.
+        work = r"(x[\d.]+ work, )?"
+        times = (
+            rf"{work}x[\d.]+ (\([^)]*\) )?(of the )?time(, which is within noise)?"
+            r"|[\d.]+x real time"
+        )
         yield place, re.sub(times, "", str(value))
 
 
