@@ -6,7 +6,7 @@
 import re
 from collections.abc import Mapping
 from contextlib import suppress
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, ClassVar, Literal, cast
 
 from pydantic import (
     AfterValidator,
@@ -29,7 +29,7 @@ from contactlab.schema.strict_model import (
     Word,
     about,
     list_word,
-    read_seconds,
+    measured_in,
 )
 
 DRIVE_WORDS = ("auto", "none", "hold", "exercise")
@@ -82,7 +82,15 @@ class ObservationNoise(Model):
 
 
 class PolicyDrive(Model):
-    """Controls in closed loop, by a class of Python."""
+    """Controls in closed loop, by a class of Python.
+
+    Attributes:
+        noun: the controller, in words.
+        runs_code: whether it runs code of the user.
+    """
+
+    noun: ClassVar[str] = "policy"
+    runs_code: ClassVar[bool] = True
 
     policy: Annotated[Word, AfterValidator(_checked_class)] = about(
         "FILE.py:CLASS, the file next to the one that names it",
@@ -90,7 +98,7 @@ class PolicyDrive(Model):
     )
     rate: Hertz = about("how often it acts [Hz], or 250 Hz", default=50.0)
     latency: Annotated[
-        Annotated[Number, Field(ge=0), BeforeValidator(read_seconds), Tag("@seconds")]
+        Annotated[Number, Field(ge=0), measured_in("s"), Tag("@seconds")]
         | Annotated[Share, Tag("@share")],
         Discriminator(lambda data: "@share" if str(data).endswith("%") else "@seconds"),
     ] = about("from observation to action: s, 8 ms, or 50% of a period", default=0.0)
@@ -109,16 +117,6 @@ class PolicyDrive(Model):
     )
 
     @property
-    def noun(self) -> str:
-        """The controller, in words."""
-        return "policy"
-
-    @property
-    def runs_code(self) -> bool:
-        """Whether it runs code of the user."""
-        return True
-
-    @property
     def latency_seconds(self) -> float:
         """Time from observation to action [s]."""
         if isinstance(self.latency, str):
@@ -129,21 +127,14 @@ class PolicyDrive(Model):
 class PdDrive(PolicyDrive):
     """A PD controller outside of the model, which holds the start by the torques of motors."""
 
+    noun: ClassVar[str] = "PD controller"
+    runs_code: ClassVar[bool] = False
+
     policy: Literal["pd"] = about(  # pyright: ignore[reportIncompatibleVariableOverride]
         "always pd: the controller of contactlab", default="pd"
     )
     kp: Positive = about("gain of positions [N/m or Nm/rad]")
     kd: Annotated[Number, Field(ge=0)] = about("gain of velocities", default=0.0)
-
-    @property
-    def noun(self) -> str:
-        """The controller, in words."""
-        return "PD controller"
-
-    @property
-    def runs_code(self) -> bool:
-        """Whether it runs code of the user."""
-        return False
 
 
 DRIVE_FORMS: Mapping[str, type[Model]] = {

@@ -54,28 +54,26 @@ MEASURED = {"type": ["number", "string"], "pattern": f"^({MEASURED_TEXT.pattern}
 """JSON schema of a number, or of a text with a unit."""
 
 
-def read_seconds(value: object) -> object:
-    """Return the time [s] that a text such as `8 ms` means; return other values unchanged."""
-    return value if (number := without_unit(value, "s")) is None else number
+def measured_in(unit: str) -> BeforeValidator:
+    """Return a reader of texts such as `8 ms` as numbers in a unit; other values are unchanged."""
+
+    def read_number(value: object) -> object:
+        return value if (number := without_unit(value, unit)) is None else number
+
+    return BeforeValidator(read_number)
 
 
 _MOST_SECONDS = 1e9  # 31 years, which every clock and timer of a system can count
 Seconds = Annotated[
     Positive,
     Field(le=_MOST_SECONDS),
-    BeforeValidator(read_seconds),
+    measured_in("s"),
     WithJsonSchema({**MEASURED, "exclusiveMinimum": 0, "maximum": _MOST_SECONDS}),
 ]
 """A time [s]: a number, or a text such as `2s`, `500ms`."""
-
-
-def _read_hertz(value: object) -> object:
-    return value if (number := without_unit(value, "Hz")) is None else number
-
-
 Hertz = Annotated[
     Positive,
-    BeforeValidator(_read_hertz),
+    measured_in("Hz"),
     WithJsonSchema({**MEASURED, "exclusiveMinimum": 0}),
 ]
 """A frequency [Hz]: a number, or a text such as `250 Hz`."""

@@ -4,7 +4,7 @@ import fcntl
 import json
 import os
 import re
-from collections.abc import Callable, Collection, Generator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from itertools import count
@@ -132,8 +132,7 @@ def free_folder(
     name, source = model_name(reference), source_of(reference)
     most_letters = 80  # of a name that a person still reads, and that every file system takes
     name = re.sub(r"[^\w.=+-]+", "_", ",".join([name, *variant]))[:most_letters]
-    for number in count(1):
-        folder = parent / (name if number == 1 else f"{name}-{number}")
+    for folder in _number_folders(parent, name):
         if folder.exists() and not folder.is_dir():
             continue
         claimed = Session(folder).read(CLAIMS, dict[str, str])
@@ -164,12 +163,15 @@ def own_folder(parent: Path, reference: str) -> Path:
     It has the subject's name, and lies in a folder with the name of the study.
     """
     name, source = model_name(reference), source_of(reference)
-    folders = (parent / (name if number == 1 else f"{name}-{number}") for number in count(1))
     return next(
         folder
-        for folder in folders
+        for folder in _number_folders(parent, name)
         if Session(folder).read(CLAIMS, dict[str, str]).get(parent.name, source) == source
     )
+
+
+def _number_folders(parent: Path, name: str) -> Iterator[Path]:
+    return (parent / (name if number == 1 else f"{name}-{number}") for number in count(1))
 
 
 def model_name(reference: str) -> str:
