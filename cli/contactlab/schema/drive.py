@@ -82,13 +82,9 @@ class ObservationNoise(Model):
 
 
 class PolicyDrive(Model):
-    """Controls in closed loop, by a class of Python.
+    """Controls in closed loop, by a class of Python."""
 
-    Attributes:
-        noun: the controller, in words.
-        runs_code: whether it runs code of the user.
-    """
-
+    # The controller in words, and whether it runs code of the user.
     noun: ClassVar[str] = "policy"
     runs_code: ClassVar[bool] = True
 
