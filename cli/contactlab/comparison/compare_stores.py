@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from datetime import date
 from itertools import combinations
@@ -18,6 +19,7 @@ from contactlab.comparison.pairing import (
     engine_of,
     explain_unpaired,
     find_difference,
+    for_both,
     pair_by_axes,
     pair_keys,
 )
@@ -88,13 +90,17 @@ def compare(
             raise PolicyError(
                 f"{one} and {other} are the same store; compare the stores of two sweeps"
             )
-    before = _open_store("baseline", baseline, thorough=thorough)
-    if policy.baseline_digest not in {None, before.digest}:
-        raise StoreError(
-            f"the baseline {baseline} has the digest {before.digest}, not "
-            f"{policy.baseline_digest}, which is pinned; pin the new one if it was meant to change"
-        )
-    after = _open_store("candidate", candidate, thorough=thorough)
+    with ThreadPoolExecutor(1) as pool:
+        # Hashing releases the lock of the interpreter. The shown progress is the baseline's.
+        candidate_opened = pool.submit(_open_store, "candidate", candidate, thorough=thorough)
+        before = _open_store("baseline", baseline, thorough=thorough)
+        if policy.baseline_digest not in {None, before.digest}:
+            raise StoreError(
+                f"the baseline {baseline} has the digest {before.digest}, not "
+                f"{policy.baseline_digest}, which is pinned; "
+                "pin the new one if it was meant to change"
+            )
+        after = candidate_opened.result()
     policy, pairing = match_runs(before, after, policy)
     policy = choose_judge(before, after, len(pairing.baseline), policy)
     paired = PairedStores(before, after, pairing, policy, today or date.today())  # noqa: DTZ011
@@ -228,7 +234,7 @@ def match_runs(
         none = np.zeros(0, np.intp)
         return policy, Pairing(none, none, none, none)
     if match != "axes":
-        pairing = pair_keys(*(store.columns.ids() for store in (baseline, candidate)))
+        pairing = pair_keys(*for_both(lambda store: store.columns.ids(), (baseline, candidate)))
         if len(pairing.baseline):
             return policy.model_copy(update={"match": "id"}), pairing
     by_axes = match != "id"

@@ -5,6 +5,8 @@ knife-edge runs. Each such part is counted and reported. Beyond the policy's sha
 not comparable. Otherwise a baseline with most parts left out or blanked would let anything pass.
 """
 
+import numpy as np
+
 from contactlab.comparison.pairing import PairedStores
 from contactlab.judge.subjects import SAME, Mask, Subject
 from contactlab.judge.wording import out_of
@@ -49,7 +51,8 @@ def unless_unjudged(
     Both masks are of pairs (n,): `stated` has those with a value of the candidate, `unjudged` those
     of them without one of the baseline.
     """
-    missing, total = int(unjudged.sum()), int(stated.sum())
+    # Many times faster than the sum of a mask.
+    missing, total = int(np.count_nonzero(unjudged)), int(np.count_nonzero(stated))
     if finding.outcome == "failed" or not is_too_little(paired, missing, total):
         return finding
     least = format_percent(paired.policy.least_judged)

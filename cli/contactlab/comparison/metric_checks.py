@@ -142,9 +142,12 @@ class MetricPairs:
     def make_finding(self, subject: Subject, rule: EffectiveRule) -> tuple[Finding, ShownPairs]:
         """Return the finding that these values make by a rule, and the pairs that it shows."""
         verdicts = gap_verdicts(self.baseline, self.candidate, self.exempt)
-        both = self.baseline.valid & self.candidate.valid & (verdicts == SAME)
-        applies = both | (verdicts != SAME)
-        runs = int(applies.sum())
+        both = self.baseline.valid & self.candidate.valid
+        applies = both
+        if verdicts.any():
+            both = both & (verdicts == SAME)
+            applies = both | (verdicts != SAME)
+        runs = int(np.count_nonzero(applies))
         if not runs:
             return subject.finding(verdicts[:0], "applies to no run"), ShownPairs()
         compared = slice(None) if both.all() else both
@@ -170,6 +173,8 @@ class MetricPairs:
 
     def _find_worst(self, rule: EffectiveRule, verdicts: Verdicts) -> ShownPairs:
         """Return the pairs of the worst verdict that are farthest beyond the tolerance."""
+        if not verdicts.any():
+            return ShownPairs()
         least = CHANGED if rule.better == "none" else WORSE
         changed_rows = np.flatnonzero(verdicts >= least)
         changed_rows = changed_rows if len(changed_rows) else np.flatnonzero(verdicts)
@@ -198,15 +203,17 @@ def judge_changes(rule: EffectiveRule, baseline: Floats, candidate: Floats) -> V
 
     A change is beyond tolerance if it is larger than `abs + rel * |baseline|`.
     """
-    verdicts = np.empty(len(baseline), np.int8)
-    at_once = 1 << 16  # pairs: more at once would fill memory with intermediate arrays
-    sign = {"lower": 1.0, "higher": -1.0, "none": 1.0}
+    verdicts = np.full(len(baseline), SAME, np.int8)
+    at_once = 1 << 14  # pairs: the intermediate arrays stay in the cache of a core
     for start in range(0, len(baseline), at_once):
-        part = slice(start, start + at_once)
-        change = sign[rule.better] * (candidate[part] - baseline[part])
-        beyond = np.abs(change) > rule.limit.allow_change(baseline[part])
-        worse = CHANGED if rule.better == "none" else np.where(change > 0, WORSE, BETTER)
-        verdicts[part] = np.where(beyond, worse, SAME)
+        before = baseline[start : start + at_once]
+        change = candidate[start : start + at_once] - before
+        beyond = np.flatnonzero(np.abs(change) > rule.limit.allow_change(before))
+        if not len(beyond):
+            continue
+        is_worse = change[beyond] < 0 if rule.better == "higher" else change[beyond] > 0
+        changed = CHANGED if rule.better == "none" else np.where(is_worse, WORSE, BETTER)
+        verdicts[start + beyond] = changed
     return verdicts
 
 
@@ -216,11 +223,10 @@ def gap_verdicts(baseline: NumberColumn, candidate: NumberColumn, exempt: Mask) 
     In `exempt` pairs (n,), only one run may have a value.
     """
     verdicts = np.zeros(len(baseline.values), dtype=np.int8)
-    one = (baseline.valid != candidate.valid) & ~exempt
-    verdicts[one & baseline.valid] = MISSING
-    verdicts[one & candidate.valid] = CHANGED
+    one = np.flatnonzero((baseline.valid != candidate.valid) & ~exempt)
+    verdicts[one] = np.where(baseline.valid[one], MISSING, CHANGED)
     for store in (baseline, candidate):
-        verdicts[store.valid & ~np.isfinite(store.values)] = NOT_COMPARABLE
+        verdicts[np.flatnonzero(store.valid & ~np.isfinite(store.values))] = NOT_COMPARABLE
     return verdicts
 
 

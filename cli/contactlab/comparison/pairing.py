@@ -3,10 +3,11 @@
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from datetime import date
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,8 @@ Value = float | str | None
 Keys = NDArray[np.int64] | NDArray[np.uint64]
 Ranks = NDArray[np.int16]
 _SEVERAL = "several values"
+_Side = TypeVar("_Side")
+_Result = TypeVar("_Result")
 
 
 class Pairing(NamedTuple):
@@ -34,6 +37,16 @@ class Pairing(NamedTuple):
     missing: Rows  # rows that only the baseline has
     new: Rows  # rows that only the candidate has
     is_in_order: bool = False  # whether the partner of each row is the same row of the candidate
+
+
+def for_both(function: Callable[[_Side], _Result], sides: Sequence[_Side]) -> list[_Result]:
+    """Return the results of a function for two stores, each in its own thread.
+
+    Reading columns and computing with them releases the lock of the interpreter.
+    """
+    with ThreadPoolExecutor(1) as pool:
+        ahead = [pool.submit(function, side) for side in sides[1:]]
+        return [function(sides[0]), *(each.result() for each in ahead)]
 
 
 def pair_by_axes(baseline: Store, candidate: Store) -> Pairing:
@@ -209,7 +222,7 @@ class PairedStores:
 
     def read_numbers(self, name: str) -> tuple[NumberColumn, NumberColumn]:
         """Return a column of both stores, (n,) each; empty where a store has no such column."""
-        before, after = (self._side_numbers(store, rows, name) for store, rows in self.sides)
+        before, after = for_both(lambda side: self._side_numbers(*side, name), self.sides)
         return before, after
 
     def _side_numbers(self, store: Store, rows: Rows, name: str) -> NumberColumn:
@@ -253,7 +266,7 @@ class PairedStores:
 
     @cached_property
     def _labels(self) -> tuple[Ranks, Ranks]:
-        before, after = (self._coded_labels(store) for store, _ in self.sides)
+        before, after = for_both(self._coded_labels, (self.baseline, self.candidate))
         return before, after
 
     def _coded_labels(self, store: Store) -> Ranks:
@@ -267,7 +280,9 @@ class PairedStores:
         name = "trajectory_hash"
         if self.pairing.is_in_order:
             return equal_texts(self.baseline.columns, self.candidate.columns, name)
-        before, after = (store.columns.byte_strings(name)[rows] for store, rows in self.sides)
+        before, after = for_both(
+            lambda side: side[0].columns.byte_strings(name)[side[1]], self.sides
+        )
         return (before == after) & (before != b"")
 
     @cached_property

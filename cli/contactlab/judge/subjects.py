@@ -23,8 +23,10 @@ OUTCOMES: dict[Level, Outcome] = {"gate": "failed", "warn": "warned", "note": "n
 
 def verdict_counts(verdicts: Verdicts) -> dict[Verdict, int]:
     """Return the number of each verdict that occurs."""
-    counts = [int(np.count_nonzero(verdicts == code)) for code in range(len(NAMES))]
-    return {name: count for name, count in zip(NAMES, counts, strict=True) if count}
+    worst = int(verdicts.max(initial=SAME))
+    counts = [int(np.count_nonzero(verdicts == code)) for code in range(SAME + 1, worst + 1)]
+    counts.insert(0, len(verdicts) - sum(counts))
+    return {name: count for name, count in zip(NAMES, counts, strict=False) if count}
 
 
 @dataclass(frozen=True)

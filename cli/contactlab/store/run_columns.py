@@ -197,9 +197,12 @@ class RunColumns:
 
     def numbers(self, name: str) -> NumberColumn:
         """Return a column of numbers, or of booleans as 1 and 0."""
-        values, valid = np.empty(self.runs), np.empty(self.runs, np.bool_)
+        values, valid = np.empty(self.runs), np.ones(self.runs, np.bool_)
         for rows, column in self.parts(name):
-            values[rows], valid[rows] = _number_column(column)
+            if column.null_count:
+                values[rows], valid[rows] = _number_column(column)
+            else:
+                values[rows] = numpy_array(column)
         return NumberColumn(values, valid)
 
     def ranked(
