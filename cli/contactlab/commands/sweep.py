@@ -224,14 +224,16 @@ def _run_request(
     request: "SweepRequest", cluster: "AbstractContextManager[Executor | None]"
 ) -> "Store":
     from contactlab.run.forecast import warn_of_settings
+    from contactlab.run.planned_runs import RunIndex
     from contactlab.run.sweep_runner import run_sweep
     from contactlab.store.finished_store import Store
 
     with surroundings().watching() as watch, cluster as nodes:
+        index = RunIndex(request.plan, request.scene)
         manifest = run_sweep(
-            replace(request, cluster=nodes), watch.begin, watch.advance, watch.stop
+            replace(request, cluster=nodes), watch.begin, watch.advance, watch.stop, index
         )
-    for warning in warn_of_settings(request):
+    for warning in warn_of_settings(request, index):
         say(f"warning: {warning}")
     for what, why in manifest.sweep.lacking.items():
         say(f"{what} is left empty: {why}")

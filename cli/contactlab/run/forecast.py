@@ -228,10 +228,9 @@ def _forecast_warnings(plan: Plan, scene: Scene, runs: int, sums: _RunSums) -> I
             )
 
 
-def warn_of_settings(request: SweepRequest) -> Iterator[str]:
-    """Yield settings of a sweep that look like another unit, or that runs replace."""
+def warn_of_settings(request: SweepRequest, index: RunIndex) -> Iterator[str]:
+    """Yield settings of a sweep's runs that look like another unit, or that runs replace."""
     yield from question_units(request.plan.axes, request.scene)
-    index = RunIndex(request.plan, request.scene)
     yield from _setting_warnings(_sum_runs(index), len(index))
 
 

@@ -79,16 +79,18 @@ def run_sweep(
     begin: BeginCallback,
     progress: ProgressCallback,
     stop: Stop | None = None,
+    index: RunIndex | None = None,
 ) -> StoreManifest:
     """Run everything that is not stored yet and publish the store.
 
-    Raises a SweepFileError if the sweep has no runs, or cannot be run; an OutputError if the store
-    cannot be written; a StoreError if the store is of another sweep; a StoppedError if `stop` was
-    set. The same call resumes a stopped sweep.
+    The index, if known, is that of the request's runs. Raises a SweepFileError if the sweep has no
+    runs, or cannot be run; an OutputError if the store cannot be written; a StoreError if the store
+    is of another sweep; a StoppedError if `stop` was set. The same call resumes a stopped sweep.
     """
     drive = request.scene.drive
     policy = allowed_policy(drive, allowed=request.allow_code)
-    index = RunIndex(request.plan, request.scene)
+    if index is None:
+        index = RunIndex(request.plan, request.scene)
     if not len(index):
         raise SweepFileError(f"sweep '{request.name}' has no runs; see `--plan`")
     stored = None if request.fresh else read_stored_identity(request.store)
