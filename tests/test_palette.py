@@ -99,13 +99,19 @@ def find_free_colour() -> str:
     for seen in SEEN_BY.values():
         bright = np.array([oklab(name, seen) for name in names])
         dark = np.array([oklab(on_dark(name), seen) for name in names])
-        taken = [(bright, label.colour, 1.0) for label in LABELS.values()]
-        taken += [(dark, on_dark(label.colour), 0.85) for label in LABELS.values()]
+        colours = [label.colour for label in LABELS.values() if label.colour]
+        taken = [(bright, colour, 1.0) for colour in colours]
+        taken += [(dark, on_dark(colour), 0.85) for colour in colours]
         taken += [(dark, own["calm"], 0.85), (dark, own["page"], 2.0)]
         for places, colour, share in taken:
             distance = np.linalg.norm(places - oklab(colour, seen), axis=1) / share
             apart = np.minimum(apart, distance)
     return names[int(apart.argmax())]
+
+
+def test_each_label_has_a_colour() -> None:
+    without = [name for name, label in LABELS.items() if not label.colour]
+    assert without == [], f"a colour that is free: {find_free_colour()}"
 
 
 @pytest.mark.parametrize("eyes", SEEN_BY)

@@ -490,6 +490,8 @@ def test_several_models_are_one_report(contactlab: Run, tmp_path: Path) -> None:
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"one", "two"}
     junit = contactlab(*words, "--format", "junit").out
     assert all(f".{name}" in junit for name in ("one_xml", "two_xml"))
+    markdown = contactlab(*words, "--format", "markdown").out
+    assert all(f"### {name}.xml: ok" in markdown for name in ("one", "two"))
     code, out, err = contactlab("one.xml", "two.xml", "--write", "new.xml")
     assert (code, out) == (2, "")
     assert "need one model" in err

@@ -52,9 +52,9 @@ ELEMENTS = {
 }
 """Elements and attributes of a file that entries edit, besides settings and fields."""
 UNWRITTEN = {"flex_solref", "geom_contype", "geom_conaffinity"}
+"""Fields that entries edit and no setting can name."""
 OF_THE_MODEL = {"filterparent", "constraint", "invdiscrete"}
 """Effects of sweeps that define a model itself."""
-"""Fields that entries edit and no setting can name."""
 MODEL = mujoco.MjModel.from_xml_string("<mujoco/>")
 
 
@@ -104,7 +104,8 @@ def test_each_entry_names_things_that_exist(entry: Modification) -> None:
     known = {*OPTIONS, *FLAG_NAMES, *ELEMENTS}
     for name in entry.edits:
         is_field = hasattr(MODEL, name) and (is_writable(name) or name in UNWRITTEN)
-        assert name in known or is_field or hasattr(MODEL.opt, name), name
+        remedy = f"{name} is no setting; a field that no setting can name belongs to UNWRITTEN"
+        assert name in known or is_field or hasattr(MODEL.opt, name), remedy
     assert {*entry.answered_rows} <= rows
     assert {*entry.labels} <= {*LABELS, ANY_LABEL}
     assert entry.summary.endswith(".")

@@ -42,6 +42,7 @@ def run_check(arguments: Sequence[str], root: Path = ROOT, stored_in: Path = STO
     if options.files:
         for path in options.files:
             _print_findings(path.as_posix(), find_problems(read_file(path), path))
+        print("Old lapses are listed, too; without FILES, only files with more than their count.")
         return 0
     if options.rates:
         _print_rates(root)

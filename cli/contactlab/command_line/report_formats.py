@@ -33,10 +33,11 @@ def print_text(folder: FolderOf | None = None, **options: object) -> Show:
 
 
 def print_markdown(folder: FolderOf | None = None, name: str = "", **options: object) -> Show:
-    """Return a printer of Markdown; `name` is a field of the report, which the document names."""
+    """Return a printer of Markdown; `name` is a field that its document names, if it has one."""
 
     def show(result: Described, arguments: Arguments) -> None:
-        name_option = {name: str(getattr(result, name))} if name else {}
+        # A report of several models names each of them.
+        name_option = {name: str(getattr(result, name, ""))} if name else {}
         document = result.describe(**_place_folder(folder, arguments), **name_option, **options)
         echo(render_markdown(document))
 

@@ -45,9 +45,11 @@ class Row:
     Attributes:
         name: in tables and options.
         summary: the change, in a few words.
-        kind: numerics (of the run's own step), model (how rigid and how regularized), effect (left
-            out), or unknown (a parameter that is not known exactly).
-        changes: each makes one variation in a copy of the compared model; the largest counts.
+        kind: numerics (of the run's own step) and model (how rigid and how regularized) decide the
+            verdict; effect (left out) and unknown (a parameter that is not known exactly) are
+            printed, and `tune` prints unknown ones as the model's own uncertainty.
+        changes: one or two, each makes a variation in a copy of the compared model; the largest
+            counts. The first of two is more, the second less.
         applies: whether a model has the setting; otherwise it has no such row.
         is_loaded: whether a state after a step loads the setting.
         base: the changed settings: those of the reference, of the run's step with a converged

@@ -86,7 +86,8 @@ def describe_examination(
     new_facts = [
         Sentence(fact.sentence)
         for fact in report.facts
-        if fact.sentence not in report.why and not any(one in fact.sentence for one in reasons)
+        if not any(fact.sentence in reason for reason in report.why)
+        and not any(one in fact.sentence for one in reasons)
     ]
     sections.append(Section(tuple(new_facts), "facts"))
     if details_or_alone:

@@ -26,6 +26,7 @@ from contactlab.schema.finding import Finding
 from contactlab.schema.task import QPOS0
 from contactlab.schema.verdict import PASSING_VERDICTS, VerdictWord, join_verdict
 
+_BY_HAND = "by hand: "
 _OF_TASK = {NUMERICAL_CHECK, ENERGY_CHECK, "failure_labels"}  # which repeat budget and labels
 
 
@@ -48,7 +49,10 @@ def conclude(
         )
         report = report.model_copy(update={"causes": causes})
     headline = _write_headline(report, verdict)
-    sentences = [one for one in _yield_causes(report, verdict) if one]
+    fix = _choose_fix(report, verdict, fixes_tried, len(fixes_not_tried))
+    # The remedy at the end of a sentence is not repeated if it is the fix.
+    remedy = f"; {fix.removeprefix(_BY_HAND)}" if fix.startswith(_BY_HAND) else ""
+    sentences = [one.removesuffix(remedy) for one in _yield_causes(report, verdict) if one]
     # A sentence that the headline or a longer one has is not repeated.
     why = [
         one
@@ -62,7 +66,7 @@ def conclude(
         update={
             "headline": headline,
             "why": tuple(why),
-            "fix": _choose_fix(report, verdict, fixes_tried, len(fixes_not_tried)),
+            "fix": fix,
         }
     )
 
@@ -141,9 +145,19 @@ def _yield_causes(report: Examination, verdict: VerdictWord) -> Iterator[str]:
         for kind in ("advisory",) if has_start_cause else ("overlap", "advisory"):
             yield from (fact.sentence for fact in report.facts if fact.kind == kind and fact.value)
     failed = {*_failed_checks(report)}
+    # A check of the kind of a fact that a cause states has the same numbers.
+    stated = {
+        fact.kind
+        for fact in report.facts
+        if any(fact.sentence in cause.sentence for cause in report.causes)
+    }
     failures = [
         *(label_line(label, len(report.task.seeds)) for label in labels_in_why(report)),
-        *(finding.full_message for finding in report.findings if finding.name in failed),
+        *(
+            finding.full_message
+            for finding in report.findings
+            if finding.name in failed and finding.kind not in stated
+        ),
     ]
     numerics = [*_list_numerics(report, verdict)]
     yield from (*failures, *numerics) if verdict == "fails" else (*numerics, *failures)
@@ -291,7 +305,7 @@ def _choose_fix(report: Examination, verdict: VerdictWord, tried_count: int, not
         _, has_remedy, remedy = cause.sentence.rpartition("; ")
         by_hand = cause.stage == "file" or "contactlab grip" in remedy
         if has_remedy and by_hand and not cause.repair:
-            return remedy if "contactlab grip" in remedy else f"by hand: {remedy}"
+            return remedy if "contactlab grip" in remedy else f"{_BY_HAND}{remedy}"
     start = report.task.start if report.task.start == QPOS0 else f"keyframe {report.task.start}"
     overlaps = any(fact.kind == "overlap" for fact in report.facts)
     first = [f"move the bodies apart in {start}"] if overlaps else []
