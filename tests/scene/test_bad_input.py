@@ -204,3 +204,18 @@ def test_a_search_that_the_engine_breaks_off(tmp_path: Path) -> None:
     (tmp_path / "robot.xml").write_text(text)
     with pytest.raises(SceneError, match=r"robot\.xml"):
         Scene.open("robot.xml", tmp_path)
+
+
+@pytest.mark.parametrize("copies", [1, 2])
+def test_a_mistake_in_an_included_file_has_its_place_if_one_element_has_it(
+    tmp_path: Path, copies: int
+) -> None:
+    """MuJoCo counts no lines of included files; two equal elements leave the place open."""
+    wrong = "<option\n apirate='3'/>\n" * copies
+    (tmp_path / "part.xml").write_text(f"<mujoco>\n{wrong}</mujoco>")
+    model = tmp_path / "whole.xml"
+    model.write_text("<mujoco><include file='part.xml'/></mujoco>")
+    place = f"{tmp_path / 'part.xml'}:2" if copies == 1 else str(model)
+    with pytest.raises(SceneError) as raised:
+        Scene.open(str(model)).base({})
+    assert str(raised.value).startswith(f"{place}: does not compile\n")

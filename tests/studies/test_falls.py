@@ -6,7 +6,7 @@ import pytest
 
 from contactlab.budget import Motion
 from contactlab.schema.examination import Cause
-from contactlab.studies.examine.standing_starts import list_falls
+from contactlab.studies.examine.standing_starts import list_falls, list_free_falls
 
 # A trunk on two thin legs, which only a strong hip keeps below it.
 _WALKER = """<mujoco><option timestep=".002"/><worldbody><geom type="plane" size="2 2 .1"/>
@@ -33,3 +33,21 @@ def test_a_fall_is_a_fact(foot: str, stiffness: float, falls: bool) -> None:
     assert [fact.kind for fact in found] == ["fall"] * falls
     assert all(fact.place == "trunk" and fact.value > 0.1 for fact in found)
     assert not list(list_falls(motion, [Cause(stage="start", sentence="it begins in the air")]))
+
+
+_HOPPER = """<mujoco><worldbody>{floor}<body name="trunk" pos="0 0 1"><freejoint/>
+<geom size=".1"/><body pos="0 0 -.3"><joint name="hip" axis="0 1 0"/><geom size=".05"/>
+</body></body></worldbody>{motor}</mujoco>"""
+
+
+@pytest.mark.parametrize("floor", ["", '<geom type="plane" size="1 1 .1"/>'])
+@pytest.mark.parametrize("motor", ["", '<actuator><motor joint="hip"/></actuator>'])
+def test_a_robot_without_floor_and_actuators_falls_freely(floor: str, motor: str) -> None:
+    """With a motor, a rule of lint says so; without a joint it is a thrown body."""
+    model = mujoco.MjModel.from_xml_string(_HOPPER.format(floor=floor, motor=motor))
+    found = [(fact.place, fact.value) for fact in list_free_falls(model)]
+    assert found == [("trunk", 1.0)] * (not floor and not motor)
+    thrown = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body><freejoint/><geom size=".1"/></body></worldbody></mujoco>'
+    )
+    assert not list(list_free_falls(thrown))

@@ -366,7 +366,10 @@ def compile_error(model: Path, compiled_file: Path, error: Exception) -> SceneEr
     """Return why a model does not compile, with corrections. `compiled_file` may be its copy."""
     lines = str(error).strip().replace(str(compiled_file), str(model)).splitlines()
     lines = lines or ["MuJoCo gives no reason"]
-    place = "".join(f":{line_match[1]}" for line_match in [_LINE.search(str(error))] if line_match)
+    line_match = _LINE.search(str(error))
+    place = f"{model}:{line_match[1]}" if line_match else str(model)
+    if line_match and line_match[1] == "0":
+        place = _find_included_place(model, str(error)) or str(model)
     hints = list[str]()
     if "opening file" in lines[0]:
         # The first missing file, and where MuJoCo expects it.
@@ -385,10 +388,24 @@ def compile_error(model: Path, compiled_file: Path, error: Exception) -> SceneEr
             "MuJoCo reads meshes from .stl, .obj and .msh files; convert it to one of them"
         )
     return SceneError(
-        "\n  ".join(
-            [f"{model}{place}: does not compile", *explain_compile_error(lines, model), *hints]
-        )
+        "\n  ".join([f"{place}: does not compile", *explain_compile_error(lines, model), *hints])
     )
+
+
+def _find_included_place(model: Path, message: str) -> str:
+    # MuJoCo counts no lines in included files: FILE:LINE of the only element of the kind that has
+    # each word which the message quotes, or "".
+    tag = re.search(r"Element '(\w+)'", message)
+    words = re.findall(r"'([^']*)'", message[: tag.start()]) if tag else []
+    places = list[str]()
+    for path in dict.fromkeys(one.path for one in FileSearch().iterate_references(model)):
+        if tag is None or path.suffix != ".xml" or not path.is_file():
+            continue
+        text = path.read_text(encoding="utf-8", errors="replace")
+        for element in re.finditer(rf"<{tag[1]}\b[^>]*>", text):
+            if all(re.search(rf"(?<!\w){re.escape(word)}(?!\w)", element[0]) for word in words):
+                places.append(f"{path}:{text.count(chr(10), 0, element.start()) + 1}")
+    return places[0] if len(places) == 1 else ""
 
 
 Kind = Literal[

@@ -77,7 +77,7 @@ from contactlab.studies.examine.servo_table import (
     list_unheld_servos,
     measure_task_servos,
 )
-from contactlab.studies.examine.standing_starts import list_falls
+from contactlab.studies.examine.standing_starts import list_falls, list_free_falls
 from contactlab.studies.examine.verified_fixes import FixVerifier
 from contactlab.studies.grip.grip_fact import describe_grip, find_grip
 from contactlab.studies.verification import VerificationRequest, verify_change
@@ -328,6 +328,7 @@ def _measure_budget(
         found = [
             *met.facts,
             *list_falls(examined.motions[0], repaired.causes),
+            *list_free_falls(model),
             *facts(examined.motions, times),
             *list_inertia_facts(examined.prepared.model),
             *(() if designs else list_sagging_servos(report.servos)),

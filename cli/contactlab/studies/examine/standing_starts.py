@@ -17,11 +17,13 @@ from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.windows import add_simulated_steps
 from contactlab.contact.trace_arrays import Floats
+from contactlab.judge.wording import plural
 from contactlab.rendering.amounts import format_amount
 from contactlab.scene.closed_start import moving_extent
 from contactlab.scene.model_names import name_of
 from contactlab.scene.part_bodies import AT_JOINT
 from contactlab.schema.examination import Cause, Fact
+from contactlab.studies.lint.structure import find_driven_joints, list_unsupported_roots
 
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
@@ -72,6 +74,25 @@ def list_falls(motion: Motion, causes: Sequence[Cause]) -> Iterator[Fact]:
             sentence=f"{root} falls by {format_amount(fall, 'mm')} within {_LONGEST:g} s: the "
             "drive of this task does not hold the robot up; --drive takes its controller",
         )
+
+
+def list_free_falls(model: mujoco.MjModel) -> Iterator[Fact]:
+    """Yield the fact that a robot without actuators falls freely, since nothing is below it."""
+    for root in list_unsupported_roots(model):
+        own = model.body_rootid[model.jnt_bodyid] == model.body_rootid[root]
+        joints = int(np.count_nonzero(own & np.isin(model.jnt_type, _SCALAR)))
+        if joints and not find_driven_joints(model, root):
+            name = name_of(model, "body", root)
+            yield Fact(
+                kind="fall",
+                place=name,
+                value=joints,
+                unit="1",
+                sentence=f"nothing is below the floating base {name}, and no actuator drives its "
+                f"{plural(joints, 'joint')}: it falls freely, and only contacts of its own links "
+                "are judged; examine the scene that includes it",
+            )
+            return
 
 
 def find_fall(motion: Motion, positions: Floats | None = None) -> float:

@@ -150,25 +150,8 @@ def find_missing_floor(linted: LintedModel) -> Iterator[Fault]:
     gravity. Fix: examine the scene that includes the robot, or add a floor.
     """
     model = linted.model
-    falls = np.linalg.norm(model.opt.gravity) > 0 and not (
-        model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
-    )
-    carried = model.opt.density > 0 or model.body_gravcomp.any() or model.neq or model.nmocap
-    if not falls or carried or model.ntendon or model.nflex:
-        return
-    at_joint = np.isin(model.actuator_trntype, _AT_JOINT)
-    joints = np.asarray(model.actuator_trnid)[at_joint, 0]
-    driven = joints[np.isin(model.jnt_type[joints], _SCALAR)]
-    others = [kind for kind in model.actuator_trntype.tolist() if kind not in _AT_JOINT]
-    for joint in np.flatnonzero(model.jnt_type == _FREE).tolist():
-        root = int(model.jnt_bodyid[joint])
-        own = model.body_rootid[model.geom_bodyid] == model.body_rootid[root]
-        moved = model.body_rootid[model.jnt_bodyid[driven]] == model.body_rootid[root]
-        if (
-            not moved.any()
-            or others
-            or any(own[first] != own[second] for first, second in touch_pairs(model))
-        ):
+    for root in list_unsupported_roots(model):
+        if not find_driven_joints(model, root):
             continue
         name = linted.name("body", root)
         yield Fault(
@@ -178,3 +161,28 @@ def find_missing_floor(linted: LintedModel) -> Iterator[Fault]:
             linted.place("body", root),
         )
         return
+
+
+def list_unsupported_roots(model: mujoco.MjModel) -> Iterator[int]:
+    """Yield floating bases that can touch nothing but their own links, and that nothing carries."""
+    falls = np.linalg.norm(model.opt.gravity) > 0 and not (
+        model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    )
+    carried = model.opt.density > 0 or model.body_gravcomp.any() or model.neq or model.nmocap
+    has_others = not np.isin(model.actuator_trntype, _AT_JOINT).all()
+    if not falls or carried or has_others or model.ntendon or model.nflex:
+        return
+    for joint in np.flatnonzero(model.jnt_type == _FREE).tolist():
+        root = int(model.jnt_bodyid[joint])
+        own = model.body_rootid[model.geom_bodyid] == model.body_rootid[root]
+        if not any(own[first] != own[second] for first, second in touch_pairs(model)):
+            yield root
+
+
+def find_driven_joints(model: mujoco.MjModel, root: int) -> list[int]:
+    """Return the hinges and slides of a root's tree that an actuator drives."""
+    at_joint = np.isin(model.actuator_trntype, _AT_JOINT)
+    joints = np.asarray(model.actuator_trnid)[at_joint, 0]
+    driven = joints[np.isin(model.jnt_type[joints], _SCALAR)]
+    is_own = model.body_rootid[model.jnt_bodyid[driven]] == model.body_rootid[root]
+    return [int(joint) for joint in driven[is_own]]
