@@ -7,7 +7,8 @@ import hashlib
 import json
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from contactlab.errors import SceneError, SweepFileError, no_file
@@ -60,6 +61,32 @@ def open_file_limit() -> float:
 def address_space_limit() -> float:
     """Return the address space that this process may reserve [bytes]."""
     return _limit_of_process("RLIMIT_AS")
+
+
+@contextmanager
+def limited_memory(most_bytes: int) -> Generator[None]:
+    """Let allocations of this process fail once it has reserved this much more [bytes].
+
+    Library code in C could otherwise take all memory of the machine.
+    """
+    try:
+        import resource  # noqa: PLC0415 - Windows has none
+
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+    except (ImportError, OSError):
+        yield
+        return
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    limits = [pages * resource.getpagesize() + most_bytes, *_finite(soft, hard)]
+    resource.setrlimit(resource.RLIMIT_AS, (min(limits), hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+
+
+def _finite(*limits: int) -> list[int]:
+    return [limit for limit in limits if limit >= 0]  # RLIM_INFINITY is negative
 
 
 def _limit_of_process(name: str) -> float:

@@ -186,3 +186,47 @@ def test_no_way_of_writing_it_hides_a_file(tmp_path: Path, name: str, bom: str) 
     path.write_text(f"{bom}<mujoco>{text}</mujoco>")
     with pytest.raises(SceneError, match="outside of"):
         collect_files(path)
+
+
+LINK = '<link name="a"><collision><geometry><mesh filename="m.obj"/></geometry></collision></link>'
+DECOYS = {
+    "assetdir sets meshdir again": '<mujoco><compiler meshdir="."/><compiler assetdir="{outside}"/>'
+    '<asset><mesh file="m.obj"/></asset></mujoco>',
+    "a compiler that a URDF does not have": '<robot name="r"><mujoco><compiler '
+    'meshdir="{outside}"/></mujoco>' + LINK + '<compiler meshdir="."/></robot>',
+    "a compiler of a link": '<ROBOT name="r"><mujoco><compiler meshdir="{outside}"/></mujoco>'
+    + LINK
+    + '<link name="b"><compiler meshdir="."/></link></ROBOT>',
+    "a model by its type": '<mujoco><asset><model file="part.mjb" content_type="text/xml"/>'
+    "</asset></mujoco>",
+    "a model that an included file attaches": '<mujoco><include file="inner/more.xml"/></mujoco>',
+    "a model that is attached by two paths": '<mujoco><asset><model name="a" file="part.xml"/>'
+    '<model name="b" file="link/part.xml"/></asset></mujoco>',
+    "a model that is included and attached": '<mujoco><compiler meshdir="other"/>'
+    '<include file="inner/deep.xml"/><asset><model file="inner/deep.xml"/></asset></mujoco>',
+}
+
+
+@pytest.mark.parametrize("name", DECOYS)
+def test_no_decoy_hides_the_file_that_mujoco_opens(tmp_path: Path, name: str) -> None:
+    """Next to each file that MuJoCo opens lies another one, which is the model's to name."""
+    outside, project = tmp_path / "outside", tmp_path / "project"
+    for folder in (outside, project, project / "inner", project / "other/sub"):
+        write(folder / "m.obj")
+    write(project / "pyproject.toml")
+    part = "<mujoco><asset><mesh name='m' file='{}'/></asset></mujoco>"
+    (project / "part.mjb").write_text(part.format(outside / "m.obj"))
+    (project / "inner/only.xml").write_text(part.format(outside / "m.obj"))
+    (project / "inner/more.xml").write_text(
+        "<mujocoinclude><asset><model file='only.xml'/></asset></mujocoinclude>"
+    )
+    (project / "part.xml").write_text(part.format("m.obj"))
+    (project / "inner/deep.xml").write_text(part.format("sub/m.obj"))
+    (project / "inner/sub").symlink_to(outside)
+    (project / "link").mkdir()
+    (project / "link/part.xml").symlink_to("../part.xml")
+    (project / "link/m.obj").symlink_to(outside / "m.obj")
+    path = project / "robot.xml"
+    path.write_text(DECOYS[name].format(outside=outside))
+    with pytest.raises(SceneError, match="lies outside of"):
+        collect_files(path)

@@ -1,5 +1,6 @@
 """Models that no memory holds are refused before they are compiled."""
 
+import resource
 import struct
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import find_scene
 
 ASSET = "<mujoco><asset>{}</asset><worldbody/></mujoco>"
+USER_SENSOR = '<sensor><user name="n" dim="2000000000" datatype="real"/></sensor>'
 BODY = '<mujoco><worldbody><body name="b">{}</body></worldbody></mujoco>'
 
 
@@ -25,6 +27,9 @@ BODY = '<mujoco><worldbody><body name="b">{}</body></worldbody></mujoco>'
         ASSET.format('<texture name="t" builtin="flat" width="9999" height="9"/>'),
         ASSET.format('<texture builtin="flat" type="2d" width="8192" height="8192"/>' * 3),
         '<mujoco><size nkey="2000000000"/><worldbody/></mujoco>',
+        BODY.format('<flexcomp name="f" type="grid" count="3 3 3" cellcount="900 900 900"/>'),
+        ASSET.format('<mesh name="m" builtin="cone" params="90000000 1"/>'),
+        ASSET.format('<mesh name="m" builtin="supersphere" params="30000 1 1"/>'),
         '<mujoco><size nuser_geom="2000000000"/><worldbody/></mujoco>',
     ],
 )
@@ -51,6 +56,47 @@ def test_models_that_attach_each_other_are_counted(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=r"all that it attaches makes more than 262,144 elements"):
         find_scene(str(tmp_path / "0.xml"))
     assert find_scene(str(tmp_path / "4.xml")).name == "4"
+
+
+def test_included_elements_are_copied_with_what_includes_them(tmp_path: Path) -> None:
+    (tmp_path / "part.xml").write_text(f"<mujocoinclude>{'<geom/>' * 600}</mujocoinclude>")
+    copied = '<replicate count="{}"><include file="part.xml"/></replicate>'
+    path = tmp_path / "model.xml"
+    path.write_text(BODY.format(copied.format(400)))
+    assert find_scene(str(path)).name == "model"
+    path.write_text(BODY.format(copied.format(500)))
+    with pytest.raises(SceneError, match="geom makes more than 262,144 elements"):
+        find_scene(str(path))
+
+
+@pytest.mark.parametrize("names", [["1.xml"], ["1.xml", "2.xml"]])
+def test_elements_are_nested_as_deeply_as_mujoco_reads_them(
+    tmp_path: Path, names: list[str]
+) -> None:
+    """Over all files that include each other."""
+    depth = 600 // len(names)
+    for name, inner in zip(["0.xml", *names], [*names, None], strict=True):
+        part = f'<include file="{inner}"/>' if inner else ""
+        text = "<body>" * depth + part + "</body>" * depth
+        (tmp_path / name).write_text(
+            f"<mujocoinclude>{text if name != '0.xml' else part}</mujocoinclude>"
+        )
+    with pytest.raises(SceneError, match="nested deeper than 500; nest them less"):
+        find_scene(str(tmp_path / "0.xml"))
+
+
+@pytest.mark.parametrize(
+    "text",
+    ['<size memory="900G"/>', '<size nuserdata="2000000000"/>', USER_SENSOR],
+    ids=["memory", "user's data", "user's sensor"],
+)
+def test_compilation_does_not_take_all_memory(text: str, tmp_path: Path) -> None:
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    path = tmp_path / "model.xml"
+    path.write_text(BODY.format("").replace("<worldbody>", f"{text}<worldbody>"))
+    with pytest.raises(SceneError, match="more memory than there is; make its <size>"):
+        Scene.open(str(path))
+    assert resource.getrlimit(resource.RLIMIT_AS) == before
 
 
 @pytest.mark.parametrize(

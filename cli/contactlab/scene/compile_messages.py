@@ -183,6 +183,6 @@ _ERROR_EXPLANATIONS: Mapping[str, Callable[[re.Match[str], str, Path], str]] = {
     r"invalid joint type in URDF": _bad_joint_type_text,
     r"inertia must satisfy A \+ B >= C": _impossible_inertia_text,
     r"mass and inertia of moving bodies": _massless_body_text,
-    r"unknown exception|bad_alloc|length_error": _too_large_text,
+    r"unknown exception|bad_alloc|length_error|Could not allocate memory": _too_large_text,
 }
 """Functions that write the explanation, by the pattern of MuJoCo's message."""

@@ -22,6 +22,7 @@ from mujoco._specs import MjsSensor
 from contactlab.contact.trace_arrays import SLOT_WIDTH, Floats
 from contactlab.errors import ModelWarning, SceneError
 from contactlab.expression import Expression, ExpressionError
+from contactlab.resources import limited_memory
 from contactlab.scene.compile_messages import explain_compile_error
 from contactlab.scene.contact_pairs import MonitoredPair
 from contactlab.scene.model_files import FileSearch, name_in_copy, plain_name
@@ -157,6 +158,8 @@ def find_layout(
     )
 
 
+COMPILE_BYTES = 8 << 30
+"""Memory for compiling a model [bytes]: four times as much as the largest allowed assets take."""
 _LINE = re.compile(r", line (\d+)")
 _FOLDER_HINT = {
     False: '<compiler meshdir="FOLDER"/>, relative to the model',
@@ -173,7 +176,7 @@ def compile_model(
     A binary model is already compiled and is not edited. A SceneError explains a failure.
     """
     if source.model.suffix == BINARY:
-        with _show_warnings_once(source):
+        with _show_warnings_once(source), limited_memory(COMPILE_BYTES):
             try:
                 model = mujoco.MjModel.from_binary_path(str(source.model))
             except COMPILE_ERRORS as error:
@@ -190,7 +193,11 @@ def read_spec(source: SceneSource, structure: Mapping[str, object]) -> Generator
 
     A SceneError explains why it cannot be read, or not be compiled within the context.
     """
-    with _model_file(source, structure) as path, _show_warnings_once(source):
+    with (
+        _model_file(source, structure) as path,
+        _show_warnings_once(source),
+        limited_memory(COMPILE_BYTES),
+    ):
         try:
             spec = mujoco.MjSpec.from_file(str(path))
             for element in (*spec.meshes, *spec.hfields, *spec.skins, *spec.textures):

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from contactlab.errors import SceneError
-from contactlab.scene.model_guards import ModelSize, check_picture, check_places
+from contactlab.scene.model_guards import OUTERMOST, ModelSize, Nesting, check_picture, check_places
 from contactlab.scene.model_xml import FILE_KEYS, FOLDER_KEYS, parse
 
 ASSET_FOLDERS = {
@@ -57,6 +57,8 @@ class _Counts:
 
     elements: float = 0.0
     attached: dict[str, float] = field(default_factory=dict[str, float])
+    read_paths: set[Path] = field(default_factory=set[Path])
+    """Its files, by the paths that it names: the same file elsewhere refers to other files."""
 
 
 @contextmanager
@@ -73,7 +75,6 @@ class FileSearch:
     """A search for the files of a model, which a store's copy may hold; it reads each once."""
 
     copy: Path | None = None
-    read_paths: set[Path] = field(default_factory=set[Path])
     size: ModelSize = field(default_factory=ModelSize)
 
     def iterate_references(self, model: Path, within: tuple[Path, ...] = ()) -> Iterator[Reference]:
@@ -82,48 +83,53 @@ class FileSearch:
         A SceneError names it, or a model that it includes or attaches, if missing or not XML, or
         `within` itself.
         """
-        if model.suffix == ".mjb":
+        own = _make_plain_path(model)
+        is_binary = model.suffix == ".mjb" and not within
+        if is_binary or own in self.size.expanded:
             return
         within, counts = append_file(model, within), _Counts()
         elements = list(self._iterate_elements(Reference(model), model.parent, within, counts))
-        compiler: dict[str, str] = {}
-        for element, file in elements:
-            if element.tag == "compiler":
-                compiler.update(element.attrib)
-            if file.path != model:
-                yield file
+        compiler = merge_compilers(elements[0][0], (element for element, _ in elements))
+        yield from (file for _, file in elements if file.path != model)
         for element, file in elements:
             if element.tag == "model" and element.get("file"):
-                attached = self.find_file(model.parent, element.get("file", ""))
+                attached = self.find_model(element, file.path, model.parent)
                 yield attached
                 yield from self.iterate_references(attached.path, within)
                 # A model without a name has that of its file, or of its root.
                 times = counts.attached.get(element.get("name", ""), sum(counts.attached.values()))
-                counts.elements += times * self.size.expanded.get(attached.path.resolve(), 0.0)
+                counts.elements += times * self.size.expanded[_make_plain_path(attached.path)]
                 with named_in_errors(model):
                     self.size.check_elements("all that it attaches", counts.elements)
             yield from self.find_assets(element, file.path, model.parent, compiler).values()
-        self.size.expanded.setdefault(model.resolve(), counts.elements)
+        self.size.expanded[own] = counts.elements
 
     def _iterate_elements(
-        self, file: Reference, base: Path, within: tuple[Path, ...], counts: "_Counts"
+        self,
+        file: Reference,
+        base: Path,
+        within: tuple[Path, ...],
+        counts: "_Counts",
+        outer: Nesting = OUTERMOST,
     ) -> Iterator[tuple[ET.Element, Reference]]:
         """Yield every element in document order, includes in their place, with its file."""
-        if file.path.resolve() not in self.read_paths:
-            self.read_paths.add(file.path.resolve())
+        own = _make_plain_path(file.path)
+        if own not in counts.read_paths:
+            counts.read_paths.add(own)
             root = parse(file.path)
             with named_in_errors(file.path):
-                counts.elements += self.size.count_elements(root, counts.attached)
+                elements, nestings = self.size.count_elements(root, counts.attached, outer)
+                counts.elements += elements
+                self.size.check_elements("all that it includes", counts.elements)
             for element in root.iter():
                 yield element, file
                 if element.tag == "include":
-                    inner = self.find_included(element, file.path, base)
-                    yield from self._iterate_elements(
-                        inner, base, append_file(inner.path, within), counts
-                    )
+                    inner = self.find_model(element, file.path, base)
+                    paths = append_file(inner.path, within)
+                    yield from self._iterate_elements(inner, base, paths, counts, nestings[element])
 
-    def find_included(self, element: ET.Element, file: Path, base: Path) -> Reference:
-        """Return the file that an <include> names, in a model of a base folder."""
+    def find_model(self, element: ET.Element, file: Path, base: Path) -> Reference:
+        """Return the file that an <include> or <model> names, in a model of a base folder."""
         name = element.get("file", "")
         reference, nearby = (self.find_file(folder, name) for folder in (base, file.parent))
         is_right = reference.path.is_file() or not nearby.path.is_file()
@@ -139,7 +145,7 @@ class FileSearch:
         """
         if element.tag not in ASSET_FOLDERS:
             return {}
-        folder = compiler.get(ASSET_FOLDERS[element.tag], compiler.get("assetdir", ""))
+        folder = compiler.get(ASSET_FOLDERS[element.tag], "")
         strip = compiler.get("strippath", "").lower() == "true"
         assets = dict[str, Reference]()
         for key in FILE_KEYS:
@@ -162,6 +168,21 @@ class FileSearch:
         return Reference(
             _in_copy(Path(name), self.copy) if self.copy else Path(name), absolute=True
         )
+
+
+def merge_compilers(root: ET.Element, elements: Iterable[ET.Element]) -> dict[str, str]:
+    """Return the compiler settings of a model with this root; of two elements the last one wins.
+
+    MuJoCo reads one <compiler> of a URDF file, that of its <mujoco>.
+    """
+    is_urdf = root.tag.lower() == "robot"
+    compiler = dict[str, str]()
+    for element in root.findall("mujoco/compiler") if is_urdf else elements:
+        if element.tag == "compiler":
+            if (folder := element.get("assetdir")) is not None:
+                compiler.update(meshdir=folder, texturedir=folder)
+            compiler.update(element.attrib)
+    return compiler
 
 
 def append_file(model: Path, within: tuple[Path, ...]) -> tuple[Path, ...]:

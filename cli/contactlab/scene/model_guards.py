@@ -13,9 +13,10 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 from contactlab.errors import SceneError
-from contactlab.scene.model_xml import check_regular
+from contactlab.scene.model_xml import check_depth, check_regular
 
 ALLOWED = "CONTACTLAB_ALLOW_FILES"
 """The environment variable that names allowed folders; workers inherit it."""
@@ -97,6 +98,14 @@ def _read_allowed_folders() -> list[Path]:
     return [Path(path).resolve() for path in os.environ.get(ALLOWED, "").split(os.pathsep) if path]
 
 
+class Nesting(NamedTuple):
+    """The place of an element: how often it is copied, and the number of elements around it."""
+
+    copies: float = 1.0
+    depth: int = 0
+
+
+OUTERMOST = Nesting()
 _COPIES = ("flexcomp", "composite", "replicate")
 _PNG = struct.Struct(">8s4x4sII")
 
@@ -136,31 +145,44 @@ class ModelSize:
                 f"{name} makes more than {self.most_elements:,} elements; make it smaller"
             )
 
-    def count_elements(self, root: ET.Element, attached: dict[str, float]) -> float:
-        """Return the elements of a file with their copies, and count those of attached models.
+    def count_elements(
+        self, root: ET.Element, attached: dict[str, float], outer: Nesting
+    ) -> tuple[float, dict[ET.Element, Nesting]]:
+        """Return the elements of a file with their copies, and the nesting of its includes.
 
-        A SceneError says that there are too many, or that assets are too large.
+        Copies of attached models are counted in `attached`. A SceneError says that there are too
+        many elements, or that assets are too large.
         """
-        stack, elements = [(root, 1.0)], 0.0
+        stack, elements, includes = [(root, outer)], 0.0, dict[ET.Element, Nesting]()
         while stack:
-            element, copies = stack.pop()
+            element, (copies, depth) = stack.pop()
             name = element.tag + (f" '{element.get('name')}'" if element.get("name") else "")
-            if element.tag == "size":
-                self._check_counts(element)
-            elif element.tag in ("hfield", "texture"):
-                sides = ("nrow", "ncol") if element.tag == "hfield" else ("width", "height")
-                counts = _read_numbers(" ".join(element.get(key, "1") for key in sides))
-                is_cube = element.tag == "texture" and element.get("type", "cube") != "2d"
-                self.add_values(name, [counts[0], counts[0], 6] if is_cube else counts)
-            elif element.tag in _COPIES:
-                copies *= max(1.0, math.prod(_read_numbers(element.get("count", "1"))))
+            self._check_sizes(name, element)
+            if element.tag in _COPIES:
+                # A grid of cells has a body at each of its corners.
+                copies *= max(1.0, *(_product(element, key) for key in ("count", "cellcount")))
             elif element.tag == "attach":
                 model = element.get("model", "")
                 attached[model] = attached.get(model, 0.0) + copies
+            elif element.tag == "include":
+                includes[element] = Nesting(copies, depth)
             elements += copies
             self.check_elements(name, elements)
-            stack += [(inner, copies) for inner in reversed(element)]
-        return elements
+            check_depth(depth)
+            stack += [(inner, Nesting(copies, depth + 1)) for inner in reversed(element)]
+        return elements, includes
+
+    def _check_sizes(self, name: str, element: ET.Element) -> None:
+        if element.tag == "size":
+            self._check_counts(element)
+        elif element.tag in ("hfield", "texture"):
+            sides = ("nrow", "ncol") if element.tag == "hfield" else ("width", "height")
+            counts = _read_numbers(" ".join(element.get(key, "1") for key in sides))
+            is_cube = element.tag == "texture" and element.get("type", "cube") != "2d"
+            self.add_values(name, [counts[0], counts[0], 6] if is_cube else counts)
+        elif element.tag == "mesh" and element.get("builtin"):
+            # Its first number is the resolution of one side, or of two.
+            self.check_elements(name, max(_read_numbers(element.get("params", "1"))) ** 2)
 
     def _check_counts(self, element: ET.Element) -> None:
         for key, text in element.items():
@@ -169,6 +191,10 @@ class ModelSize:
                 raise SceneError(
                     f"<size {key}={text!r}> is more than {self.most_count:,}; make it smaller"
                 )
+
+
+def _product(element: ET.Element, key: str) -> float:
+    return math.prod(_read_numbers(element.get(key, "1")))
 
 
 def _read_numbers(text: str) -> list[float]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from contactlab.scene.model_files import FileSearch
+from contactlab.scene.model_files import FileSearch, merge_compilers
 from contactlab.scene.model_xml import parse
 
 _FIRST_CHILD = re.compile(rb"[ \t]*\r?\n([ \t]+)<")
@@ -175,9 +175,7 @@ class Origins:
         origins: dict[ET.Element, Origin] = {}
         root = self._inline_includes(path, path.parent, origins)
         # Included files read assets from their own folder.
-        compiler: dict[str, str] = {}
-        for element in root.iter("compiler"):
-            compiler |= element.attrib
+        compiler = merge_compilers(root, root.iter("compiler"))
         own = path.resolve()
         for element in root.iter():
             file, _ = origins[element]
@@ -190,8 +188,10 @@ class Origins:
                         element.set(key, str(asset.path))
         yield root, path, origins
         for model in root.iter("model"):
-            if name := model.get("file"):
-                yield from self._laid_out_documents(self.search.find_file(path.parent, name).path)
+            if model.get("file"):
+                file, _ = origins[model]
+                inner = self.search.find_model(model, file, path.parent).path
+                yield from self._laid_out_documents(inner)
 
     def _inline_includes(
         self, path: Path, base: Path, origins: dict[ET.Element, Origin]
@@ -201,6 +201,6 @@ class Origins:
         for parent in list(root.iter()):
             for place, child in reversed(list(enumerate(parent))):
                 if child.tag == "include":
-                    inner = self.search.find_included(child, path, base).path
+                    inner = self.search.find_model(child, path, base).path
                     parent[place : place + 1] = self._inline_includes(inner, base, origins)
         return root

@@ -25,6 +25,8 @@ FILE_KEYS = (
     *(f"file{side}" for side in ("right", "left", "up", "down", "front", "back")),
 )
 """The attributes of elements that name files."""
+MAX_DEPTH = 500
+"""TINYXML2_MAX_ELEMENT_DEPTH of MuJoCo's parser, the number of elements around one."""
 _NAMING = {*FILE_KEYS, *FOLDER_KEYS}
 _XACRO = "xacro"
 _WHOLE = "; a model is <mujoco>...</mujoco> or <robot>...</robot>"
@@ -42,6 +44,12 @@ def check_regular(path: Path) -> None:
     """Refuse a pipe or device, which would be waited for; a missing file passes."""
     if path.exists() and not (path.is_file() or path.is_dir()):
         raise SceneError(f"{path} is no regular file")
+
+
+def check_depth(depth: int) -> None:
+    """Refuse elements nested as deeply as MuJoCo's parser refuses them."""
+    if depth >= MAX_DEPTH:
+        raise SceneError(f"its elements are nested deeper than {MAX_DEPTH}; nest them less")
 
 
 def parse(path: Path) -> ET.Element:
@@ -71,13 +79,13 @@ class _Reading:
     """The reading of one file."""
 
     def __init__(self, path: Path, data: bytes) -> None:
-        self._path, self._data = path, data
+        self._path, self._data, self._depth = path, data, 0
         self._tree = ET.TreeBuilder()
         # MuJoCo ignores the encoding that a file declares.
         self._parser = expat.ParserCreate("utf-8")
         self._parser.buffer_text = True
         self._parser.StartElementHandler = self._start_element
-        self._parser.EndElementHandler = self._tree.end
+        self._parser.EndElementHandler = self._end_element
         self._parser.CharacterDataHandler = self._tree.data
         self._parser.StartDoctypeDeclHandler = self._check_doctype
 
@@ -106,7 +114,14 @@ class _Reading:
     def _start_element(self, name: str, attributes: Mapping[str, str]) -> None:
         if not _NAMING.isdisjoint(attributes):
             self._check_breaks(self._parser.CurrentByteIndex)
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            self._refuse_file(f"elements nested deeper than {MAX_DEPTH}; nest them less")
         self._tree.start(name, dict(attributes))
+
+    def _end_element(self, name: str) -> None:
+        self._depth -= 1
+        self._tree.end(name)
 
     def _check_breaks(self, start: int) -> None:
         """Refuse line breaks and tabs in the names of files that a start tag has."""
@@ -132,8 +147,11 @@ Elements = Sequence[tuple[str, Mapping[str, str]]]
 """Elements of XML files, each with its path and its attributes."""
 
 
-def list_elements(root: ET.Element, path: str = "") -> Elements:
+def list_elements(root: ET.Element) -> Elements:
     """Return an element and all below it, with their paths and attributes."""
-    place = f"{path}/{root.tag}" if path else root.tag
-    below = (element for part in root for element in list_elements(part, place))
-    return [(place, root.attrib), *below]
+    elements, stack = list[tuple[str, Mapping[str, str]]](), [(root, root.tag)]
+    while stack:
+        element, place = stack.pop()
+        elements.append((place, element.attrib))
+        stack += [(part, f"{place}/{part.tag}") for part in reversed(element)]
+    return elements

@@ -13,8 +13,10 @@ from typing import Any, NamedTuple
 import mujoco
 
 from contactlab.errors import SceneError, explain_fatal
+from contactlab.resources import limited_memory
 from contactlab.scene.body_inertia import inertia_faults
 from contactlab.scene.compile_model import (
+    COMPILE_BYTES,
     COMPILE_ERRORS,
     InertiaFault,
     check_numbers,
@@ -309,7 +311,7 @@ def linted_model(source: SceneSource) -> Generator[LintedModel]:
         lines: dict[tuple[str, str], int] = {}
         refused, model, faults = "", None, tuple[InertiaFault, ...]()
         spec = mujoco.MjSpec()
-        with warnings.catch_warnings(record=True) as caught:
+        with warnings.catch_warnings(record=True) as caught, limited_memory(COMPILE_BYTES):
             warnings.simplefilter("always")
             try:
                 spec = mujoco.MjSpec.from_file(str(copy.model))

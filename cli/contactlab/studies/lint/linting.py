@@ -96,9 +96,7 @@ def _including_models(part: Path) -> Iterator[Path]:
                 continue
             try:
                 elements = parse(path).iter("include")
-                files = [
-                    FileSearch().find_included(one, path, path.parent).path for one in elements
-                ]
+                files = [FileSearch().find_model(one, path, path.parent).path for one in elements]
             except SceneError:
                 continue
             if part.resolve() in (file.resolve() for file in files):
