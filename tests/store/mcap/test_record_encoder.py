@@ -13,6 +13,7 @@ from tests.written_traces import TraceExtras
 from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.schema.vocabulary import TraceFormat
 from contactlab.store.mcap import record_encoder
+from contactlab.store.mcap.compact_blocks import expand_file
 from contactlab.store.mcap.record_encoder import INDEX_HEAD, message_indexes
 from contactlab.store.mcap.trace_messages import contacts_record
 from contactlab.store.mcap.trace_writer import TraceEncoder
@@ -54,6 +55,17 @@ def test_records_of_c_are_those_of_numpy(
     monkeypatch.setattr(record_encoder, "_BLOCK_BYTES", 7 * contacts_record(1).size)
     parts = TraceEncoder(trace, series[::-1])
     assert [parts.encode_run(run, *extras, form=form) for run in range(2)] == whole
+
+
+def test_values_of_blocks_are_read_alike_by_c_and_by_numpy(
+    make_trace: MakeTrace, extras: TraceExtras, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """More rows than C unpacks at once, and numbers of each width."""
+    trace, series = make_trace(pairs=("a-b", "c-d"), slots=4, steps=600, runs=1, momentum=True)
+    compact, _ = TraceEncoder(trace, series).encode_run(0, *extras, form="compact")
+    expanded = expand_file(compact)
+    monkeypatch.setenv("CONTACTLAB_KERNEL", "off")
+    assert expand_file(compact) == expanded
 
 
 def test_indexes_are_those_of_a_loop() -> None:

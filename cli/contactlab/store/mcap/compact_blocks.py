@@ -29,9 +29,9 @@ from contactlab.store.mcap.record_encoder import (
     Integers,
     Items,
     Records,
-    overlapping_numbers,
     overlapping_view,
     pack_values,
+    unpack_values,
     write_records,
 )
 from contactlab.store.mcap.stored_messages import (
@@ -186,13 +186,7 @@ def read_block(channel: Channel, content: bytes) -> Iterator[tuple[MessageLayout
         for width, places in layout.values:
             length = width * len(places) * count
             planes = np.frombuffer(content, np.uint8, length, start)
-            # Undo `pack_values`: bytes, signs folded in, second differences.
-            folded = np.ascontiguousarray(planes.reshape(width, -1).T).view(f"<u{width}")
-            numbers = np.bitwise_xor(folded >> 1, np.negative(folded & 1))
-            numbers = numbers.reshape(-1, count).T
-            for _ in range(2):
-                numbers = np.cumsum(numbers, axis=0, dtype=numbers.dtype)
-            overlapping_numbers(items, width)[:, places] = numbers
+            unpack_values(planes, items, width, places)
             start += length
         items["channel"] = channel.id
         items["publish_time"] = items["log_time"]

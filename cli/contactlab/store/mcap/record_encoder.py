@@ -5,7 +5,7 @@ Records are filled in C, record by record, or without a compiler by NumPy, colum
 
 import ctypes
 import struct
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -89,14 +89,14 @@ class Records(NamedTuple):
 
 
 @cache
-def _load_filler() -> Callable[..., None] | None:
+def _load_library() -> ctypes.CDLL | None:
     # Without a compiler, NumPy writes the records.
     try:
-        fill = ctypes.CDLL(str(compile_library(Path(__file__).with_suffix(".c")))).fill_records
+        library = ctypes.CDLL(str(compile_library(Path(__file__).with_suffix(".c"))))
     except (CompilerError, OSError):
         return None
     pointer, number = ctypes.c_void_p, ctypes.c_int64
-    fill.argtypes = (
+    library.fill_records.argtypes = (
         pointer,
         number,
         *[pointer] * 3,
@@ -106,22 +106,24 @@ def _load_filler() -> Callable[..., None] | None:
         pointer,
         number,
     )
-    fill.restype = None
-    return fill
+    library.fill_records.restype = None
+    library.unpack_values.argtypes = (pointer, *[number] * 3, *[pointer] * 3, number)
+    library.unpack_values.restype = None
+    return library
 
 
 def write_records(records: Records, data: Bytes, starts: Integers) -> None:
     """Write records at their starts (m,) in a buffer."""
     layout, columns = records.layout, records.columns
-    fill = _load_filler() if is_wanted() else None
-    if fill is None or not len(starts):
+    library = _load_library() if is_wanted() else None
+    if library is None or not len(starts):
         _write_by_columns(records, data, starts)
         return
     places, sources = layout.places, columns.locate_sources(layout, records.run)
     channels = np.searchsorted(columns.ids, records.channels)
     arrays = [np.ascontiguousarray(each, np.int64) for each in (starts, channels, records.rows)]
     addresses = [each.ctypes.data for each in arrays]
-    fill(
+    library.fill_records(
         data.ctypes.data,
         len(starts),
         *addresses,
@@ -204,6 +206,30 @@ def pack_values(records: Bytes, layout: MessageLayout, data: Bytes) -> None:
         columns = np.ascontiguousarray(signed.T).view(np.uint8).reshape(-1, width)
         data[: columns.size] = columns.T.ravel()
         data = data[columns.size :]
+
+
+def unpack_values(data: Bytes, items: Items, width: int, places: Rows) -> None:
+    """Set the numbers of one width in records, from their bytes in a block; see `pack_values`."""
+    library, count = _load_library() if is_wanted() else None, len(items)
+    if library is None:
+        planes = np.ascontiguousarray(data.reshape(width, -1).T)
+        folded = planes.view(f"<u{width}")
+        numbers = np.bitwise_xor(folded >> 1, np.negative(folded & 1)).reshape(-1, count).T
+        for _ in range(2):
+            numbers = np.cumsum(numbers, axis=0, dtype=numbers.dtype)
+        overlapping_numbers(items, width)[:, places] = numbers
+        return
+    columns, sums = np.array(places, np.int64), np.zeros((len(places), 2), np.uint64)
+    library.unpack_values(
+        data.ctypes.data,
+        count,
+        width,
+        len(columns),
+        columns.ctypes.data,
+        sums.ctypes.data,
+        items.ctypes.data,
+        items.dtype.itemsize,
+    )
 
 
 def overlapping_view(data: Bytes, size: int) -> NDArray[np.void]:

@@ -384,7 +384,8 @@ class _RecordCheck:
             is_known = np.array_equal(state_times[np.minimum(rows, len(state_times) - 1)], own)
             if not is_known or any(np.any(np.diff(items["log_time"]) <= 0) for _, items in blocks):
                 raise ValueError(f"messages of {topic} are out of order, or have no state")
-            if len(np.unique(own)) != len(own):
+            # Sorting is many times faster than looking for distinct values.
+            if not np.diff(np.sort(own)).all():
                 raise ValueError("a channel has two messages of one time")
             messages[channel - 1] = len(own)
         blocks, sizes = groups[STATE_CHANNEL], Counter[int]()
