@@ -162,7 +162,26 @@ def printed_as_text() -> Generator[None]:
 
 
 @contextmanager
+def kept_folder() -> Generator[None]:
+    """Return to the current folder, which code may leave: relative paths of a store start there."""
+    try:
+        folder = os.open(".", os.O_RDONLY | os.O_CLOEXEC)
+    except OSError:  # it is removed, or unreadable
+        yield
+        return
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            os.fchdir(folder)
+        os.close(folder)
+
+
+@contextmanager
 def limited_code() -> Generator[None]:
-    """Limit code in time, and show its output as text; see `code_limit`, `printed_as_text`."""
-    with printed_as_text(), code_limit():
+    """Limit code in time, show its output as text, and return to the current folder.
+
+    See `code_limit`, `printed_as_text` and `kept_folder`.
+    """
+    with kept_folder(), printed_as_text(), code_limit():
         yield

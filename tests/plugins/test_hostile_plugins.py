@@ -10,6 +10,7 @@ from tests.plugins.test_plugin_files import METRIC, load, sweep
 
 from contactlab.errors import PluginError, StoreError
 from contactlab.measure import METRICS
+from contactlab.run.recomputed_runs import simulate_again
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import find_problems
 
@@ -106,6 +107,31 @@ def test_what_a_plugin_prints_is_text(tmp_path: Path, capfd: pytest.CaptureFixtu
     plug_in(tmp_path, PRINTS)
     printed = capfd.readouterr()
     check_printed(printed.out, printed.err)
+
+
+def test_printed_output_of_a_repeated_run_is_text(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    store = plug_in(tmp_path, PRINTS)
+    capfd.readouterr()
+    assert simulate_again(store, 2).problems == []
+    printed = capfd.readouterr()
+    check_printed(printed.out, printed.err)
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+def test_code_that_changes_the_folder_loses_no_trace(
+    tmp_path: Path, workers: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The store has a relative path, as in a command."""
+    monkeypatch.chdir(tmp_path)
+    leave = "import os; os.chdir('/')"
+    body = METRIC.format(body=f"{leave}\n    return context.trace.timestep")
+    (tmp_path / "own.py").write_text(f"{leave}\n{body}")
+    load(tmp_path, "own.py")
+    sweep(Path(), "own", workers, SWEEP.format(rest=""))
+    assert Path.cwd() == tmp_path
+    assert find_problems(tmp_path / "own") == []
 
 
 @pytest.mark.long

@@ -42,7 +42,7 @@ from contactlab.engines.mujoco_batch import (
 from contactlab.engines.older_mujoco import SimulationError
 from contactlab.engines.pd_controller import PdController, send_targets
 from contactlab.errors import SceneError, in_one_line
-from contactlab.foreign_code import ends_command, limited_code, printed_as_text
+from contactlab.foreign_code import ends_command, kept_folder, limited_code, printed_as_text
 from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.scene.compile_model import SENSOR_PREFIX
 from contactlab.scene.drive.located_drive import LocatedDrive
@@ -114,7 +114,7 @@ def _fly_together(
     count = len(runs.prepared)
     watch()  # The construction of the policy counts as a part of its run.
     try:
-        with printed_as_text():
+        with kept_folder(), printed_as_text():
             return _Flight(runs, arrays, fields).fly_runs(watch, proceed)
     except _PolicyFailureError as failure:
         if count == 1:

@@ -18,7 +18,7 @@ from contactlab.contact.trace_arrays import (
 )
 from contactlab.contact.trace_setup import Setup
 from contactlab.errors import ContactlabError, error_text
-from contactlab.foreign_code import ends_command
+from contactlab.foreign_code import ends_command, kept_folder
 from contactlab.measure.backward_error import TOLERANCE, numerical_error_text, resolved_runs
 from contactlab.measure.constraint_violation import constraint_violation
 from contactlab.measure.context import Context, StackedPairs, context_of, squared_speeds
@@ -160,7 +160,8 @@ def _measure_or_fail(
     """Return the measurements of each run; for a failed run, `missing` and the error message."""
     count = runs.context.trace.runs
     try:
-        return measure(runs)
+        with kept_folder():
+            return measure(runs)
     except BaseException as error:  # a plug-in may raise anything
         if isinstance(error, ContactlabError) or ends_command(error):
             raise

@@ -3,6 +3,7 @@
 import random
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.metadata import version
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from pydantic_core import from_json
 
 from contactlab.errors import ContactlabError
+from contactlab.foreign_code import printed_as_text
 from contactlab.measure import LABELS, METRICS, THRESHOLDS, added_labels
 from contactlab.plan.grid import Plan
 from contactlab.plan.overrides import Overrides
@@ -295,7 +297,8 @@ def _differing_fields(
             return
         worker.keep_controls(record.controls, store.backend)
         run = replace(run, controls=record.controls)
-    (finished,) = worker.run((run,))
+    with printed_as_text() if loaded_plugins() else nullcontext():
+        (finished,) = worker.run((run,))
     again = from_json(finished.row)
     for name in names:
         new, old = _without_nulls(again.get(name)), _without_nulls(stored[name])
