@@ -4,6 +4,7 @@ A message names the problem, its place, and the correct form.
 """
 
 import difflib
+import errno
 import re
 import traceback
 from collections.abc import Collection, Generator, Iterable
@@ -148,6 +149,12 @@ def explain_fatal(error: Exception) -> str:
     if "memory" in str(error):
         return 'its contacts need more memory; reserve more by <size memory="1G"/>'
     return str(error).splitlines()[0]
+
+
+def refuse_pipe(path: Path) -> None:
+    """Raise an OSError if a path names a pipe or device, which would be waited for."""
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise OSError(errno.EINVAL, "it is not a regular file", str(path))
 
 
 def no_file(path: Path, kind: str, suffixes: Collection[str] = ()) -> str:

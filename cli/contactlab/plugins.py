@@ -19,7 +19,7 @@ from itertools import chain
 from pathlib import Path
 from types import ModuleType
 
-from contactlab.errors import PluginError, in_one_line, no_file
+from contactlab.errors import PluginError, in_one_line, no_file, refuse_pipe
 from contactlab.foreign_code import ends_command, limited_code
 from contactlab.registry import REGISTRIES, NamedEntry, Part, own_parts, transaction
 
@@ -150,6 +150,7 @@ def _load_distribution(distribution: Distribution) -> Plugin:
 def _load_file(file: Path) -> Plugin:
     path = file.expanduser().absolute()
     try:
+        refuse_pipe(path)
         source = path.read_bytes()
     except OSError as error:
         raise PluginError(no_file(file, "plug-in", {".py"})) from error

@@ -112,3 +112,33 @@ def test_runs_that_no_memory_holds_are_refused_at_once(
     assert code == 2
     assert said in err
     assert not (tmp_path / "store").exists()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "compare a b --policy pipe",
+        "list metrics --plugin pipe",
+        "advisories check pipe",
+        "examine ball_drop --waive pipe",
+        "sweep pipe",
+        "sweep bounce --plan --drive file=pipe",
+    ],
+)
+def test_no_pipe_is_waited_for(contactlab: Run, tmp_path: Path, words: str) -> None:
+    for name in "ab":
+        (tmp_path / name).mkdir()
+    os.mkfifo(tmp_path / "pipe")
+    code, _, err = contactlab(*words.split())
+    assert code in {2, 3}
+    assert err.startswith("error: ")
+
+
+@pytest.mark.parametrize("drive", ['{policy: "loop:Push"}', "{file: loop}"])
+def test_a_loop_of_links_is_named(contactlab: Run, tmp_path: Path, drive: str) -> None:
+    (tmp_path / "loop").symlink_to("loop")
+    text = SWEEP.format(duration=0.01, timesteps="[1.0e-3]")
+    (tmp_path / "small.yaml").write_text(f"{text}drive: {drive}\n")
+    code, _, err = contactlab("sweep", "small.yaml", "--allow-code")
+    assert code == 2
+    assert "loop" in err

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from contactlab import resources
 from contactlab.advisories.field_expressions import FieldExpression
-from contactlab.errors import AdvisoryError, SceneError, did_you_mean, no_file
+from contactlab.errors import AdvisoryError, SceneError, did_you_mean, no_file, refuse_pipe
 from contactlab.expression import ExpressionError
 from contactlab.plugins import extensions
 from contactlab.schema.advisory import Advisory
@@ -59,6 +59,7 @@ def read_advisory(file: Path) -> Advisory:
         AdvisoryError: the file has these mistakes.
     """
     try:
+        refuse_pipe(file)
         digest = sha256(file.read_bytes()).hexdigest()
     except OSError:
         return parse_advisory(file)  # which says why
@@ -75,6 +76,7 @@ def parse_advisory(file: Path) -> Advisory:
     from ruamel.yaml.error import YAMLError  # noqa: PLC0415
 
     try:
+        refuse_pipe(file)
         text = file.read_text(encoding="utf-8")
         check_extent(text)
         advisory = Advisory.model_validate(YAML(typ="safe", pure=True).load(text))
@@ -86,7 +88,9 @@ def parse_advisory(file: Path) -> Advisory:
             for entry in error.errors()
         )
         raise AdvisoryError("\n".join(lines)) from error
-    except (OSError, YAMLError, ValueError) as error:
+    except OSError as error:
+        raise AdvisoryError(f"cannot read {file}: {error.strerror}; name a file") from error
+    except (YAMLError, ValueError) as error:
         raise AdvisoryError(f"{file}: not YAML: {error}") from error
     if mistakes := [*_find_mistakes(advisory)]:
         raise AdvisoryError("\n".join(f"{file}: {mistake}" for mistake in mistakes))

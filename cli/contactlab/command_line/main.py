@@ -192,6 +192,9 @@ def main() -> None:
         if isinstance(error, MemoryError) or "Could not allocate memory" in str(error):
             say("error: out of memory; free some, or raise its limit (ulimit -v)")
             raise SystemExit(OutputError.exit_code) from error
+        if str(error).startswith("Symlink loop"):  # of `Path.resolve`
+            say(f"error: {in_one_line_of(str(error))}; name a file")
+            raise SystemExit(CommandLineError.exit_code) from error
         if "MUJOCO_GL" in str(error):
             say(f"error: {in_one_line_of(str(error))}; unset it, or set it to egl, osmesa or glfw")
             raise SystemExit(CommandLineError.exit_code) from error

@@ -13,7 +13,7 @@ from ruamel.yaml.error import MarkedYAMLError, StreamMark, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
-from contactlab.errors import SweepFileError, no_file
+from contactlab.errors import SweepFileError, no_file, refuse_pipe
 from contactlab.plan.diagnostics import Diagnostic, Place, Severity, SourceText
 from contactlab.plan.mistakes import MISTAKES
 from contactlab.printable import in_one_line
@@ -115,6 +115,7 @@ class Document:
 def read_text(path: Path) -> str:
     """Return a file's text; raise SweepFileError if it cannot be read, or is not UTF-8."""
     try:
+        refuse_pipe(path)
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError as error:
         raise SweepFileError(no_file(path, "file", {path.suffix})) from error
