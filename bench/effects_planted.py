@@ -111,7 +111,7 @@ def clean_model(folder: Path, name: str, plant: str) -> Iterator[str]:
     file = folder / "planted.xml"
     file.write_text(build_model(name, plant))
     task = read_task_options(duration="0.6s")
-    request = EffectsRequest(str(file), task=task, max_time=300.0)
+    request = EffectsRequest(str(file), task=task, max_cpu=300.0)
     report = study_effects(request, Session(folder / "out"))
     small = folder / "out" / report.smaller.file if report.smaller else file
     models = [

@@ -53,9 +53,7 @@ def timed(ask: SweepRequest) -> float:
     """Return how long a sweep into a new store takes [s]."""
     with tempfile.TemporaryDirectory() as folder:
         begin = time.perf_counter()
-        run_sweep(
-            replace(ask, store=Path(folder) / "store"), lambda _total, _done: None, lambda _: None
-        )
+        run_sweep(replace(ask, store=Path(folder) / "store"), lambda *_: None, lambda _: None)
         return time.perf_counter() - begin
 
 

@@ -45,7 +45,7 @@ PROTOCOL = Protocol()
 
 def list_commands(model: str, folder: Path) -> dict[str, list[str]]:
     """Return the words of each command that recommends, without the number of workers."""
-    name, limit = Path(model).name, ["--max-time", PROTOCOL.search_time]
+    name, limit = Path(model).name, ["--max-cpu", PROTOCOL.search_time]
     return {
         "lint": ["lint", model, "--format", "json"],
         "examine": ["examine", model, "-o", str(folder / "examine"), "--write",

@@ -76,7 +76,7 @@ class Tuned(Model):
     sentence: str
     settings: dict[str, Setting] = about("By name; none if it recommends nothing, or leaves out.")
     ratio: float | None = about("Time with them over time without; null if it was not measured.")
-    seconds: int = about("What it was given, `--max-time` [s].")
+    seconds: int = about("What it was given, `--max-cpu` [s].")
 
 
 class Entry(Model):

@@ -209,7 +209,7 @@ def _fixed(report: Examination, entry: Entry, file: str, folder: Path) -> Iterat
 
 def tuned(entry: Entry, file: Path, folder: Path, seconds: int) -> Entry:
     """Return a record with what `contactlab tune` recommends within some time [s]."""
-    report = contactlab.tune(file, max_time=f"{seconds}s", workers=1, output=folder / "tuned")
+    report = contactlab.tune(file, max_cpu=f"{seconds}s", workers=1, output=folder / "tuned")
     price = report.recommended.time_ratio if report.recommended else None
     settings = report.recommended.settings if report.recommended else {}
     found = Tuned(

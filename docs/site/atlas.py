@@ -546,7 +546,7 @@ def _tried(entry: Entry) -> Iterator[str]:
     elif not entry.flagged:
         yield "- Nothing to change."
     if (tuned := entry.tuned) is not None:
-        yield f"- `contactlab tune --max-time {tuned.seconds}s`: {_plain(tuned.sentence)}"
+        yield f"- `contactlab tune --max-cpu {tuned.seconds}s`: {_plain(tuned.sentence)}"
     if shown is not None:
         word = "shows it" if shown.holds else "does not show it"
         command = shown.command.replace("\n", "\n  ")

@@ -161,7 +161,7 @@ OF_OPTIONS = [
     Bad("compare a b --until tomorrow", "--until tomorrow", "such as 2030-12-31"),
     Bad("baseline update a b", "'baseline'", "compare BASELINE CANDIDATE --update"),
     Bad("tune sound.xml --apply far-pairs=near", "far-pairs, length near", "such as 5cm or 0.05"),
-    Bad("tune sound.xml --max-time soon", "--max-time soon", "such as 90s, 5min or 1h"),
+    Bad("tune sound.xml --max-cpu soon", "--max-cpu soon", "such as 90s, 5min or 1h"),
     Bad(
         "tune sound.xml --error 1kg", "--error 1kg", "write a share of the real forces, such as 2%"
     ),
@@ -172,7 +172,7 @@ OF_OPTIONS = [
     Bad("sound.xml --check contat", "'contat'", "there are task,"),
     Bad("sound.xml --waive nosuch.yaml", "nosuch.yaml", "the folder"),
     Bad("effects sound.xml --metric reality", "--metric needs a scene", "with a recording"),
-    Bad("effects cube_toss --metric reality --max-time 5s", "--max-time does not", "Leave one"),
+    Bad("effects cube_toss --metric reality --max-cpu 5s", "--max-cpu does not", "Leave one"),
     Bad("effects sound.xml --write sound.xml", "sound.xml exists", "choose another file"),
     Bad("effects sound.xml --write new.mjb", "--write new.mjb", "write a name as new.xml"),
     Bad("fit ball_drop", "ball_drop", "needs a `recording`"),

@@ -70,7 +70,7 @@ axes: {spin: [SPIN]}
 def swept(folder: Path, name: str, text: str) -> Path:
     """Write a store of a sweep beside a folder's scenes."""
     ask = read_request(text, "tried", folder / name, folder=folder, workers=0)
-    run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+    run_sweep(ask, lambda *_: None, lambda _finished: None)
     return folder / name
 
 

@@ -24,7 +24,7 @@ def test_a_sweep_is_taken_apart_in_its_scenarios(tmp_path: Path) -> None:
     sweep, figure = tmp_path / "s.yaml", tmp_path / "bars.png"
     sweep.write_text(SLIDE)
     out = tmp_path / "out"
-    done = run(str(sweep), "-o", str(out), "--max-time", "60s", "--figure", str(figure))
+    done = run(str(sweep), "-o", str(out), "--max-cpu", "60s", "--figure", str(figure))
     assert done.exit_code == 0, done.output
     assert figure.read_bytes().startswith(b"\x89PNG")
     report = EffectsReport.model_validate_json((out / "effects.json").read_text())

@@ -68,7 +68,7 @@ CASES = {
     "success": ("success", "sweep.yaml"),
     "sweep": ("sweep", "long.yaml", "-o", "again"),
     "tradeoff": ("tradeoff", "sweep.yaml"),
-    "tune": ("tune", MODEL, "--max-time", "30s"),
+    "tune": ("tune", MODEL, "--max-cpu", "30s"),
     "verify": ("verify", "store", "--simulate", "20"),
 }
 MERGE = ("sweep", "--merge", "shard1", "shard2", "-o", "merged")

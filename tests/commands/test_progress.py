@@ -115,6 +115,18 @@ def test_a_new_pass_counts_anew(clock: Clock) -> None:
     assert "stable" not in display.line().plain
 
 
+def test_a_pass_over_finished_runs_has_its_name(clock: Clock) -> None:
+    display, out = shown()
+    display.begin(24, 0)
+    display.advance(DONE[0] * 24)
+    display.begin(24, 6, "errors")
+    clock.now += 2.0
+    display.advance([Finished(b"", "errors", "ok", None)] * 6)
+    assert out.getvalue() == "6 of 24 errors are stored already\n"
+    assert "█ errors" not in display.line().plain
+    assert "░ errors 12 of 24  3/s  0:04 left" in display.line().plain
+
+
 @pytest.mark.timed
 @given(
     workers=st.integers(1, 16),

@@ -23,7 +23,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
     """A store of one run, and the run's id."""
     folder = tmp_path_factory.mktemp("rendered")
     ask = read_request(SWEEP, "small", folder / "store", folder=folder, workers=0)
-    run_sweep(ask, begin=lambda _total, _done: None, progress=lambda _: None)
+    run_sweep(ask, begin=lambda *_: None, progress=lambda _: None)
     [run] = Store.open(ask.store).table["run_id"].to_pylist()
     return str(ask.store), run
 

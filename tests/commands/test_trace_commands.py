@@ -28,7 +28,7 @@ def swept(folder: Path, form: str, rule: str = "all") -> Path:
     """Return a store of 4 runs, whose traces have a form."""
     text = SWEEP.format(form=form, rule=rule)
     ask = read_request(text, "small", folder / f"{form}-{rule}", folder=folder, workers=0)
-    run_sweep(ask, begin=lambda _total, _done: None, progress=lambda _: None)
+    run_sweep(ask, begin=lambda *_: None, progress=lambda _: None)
     assert isinstance(ask.store, Path)
     return ask.store
 

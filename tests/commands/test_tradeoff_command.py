@@ -43,7 +43,7 @@ def _swung(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A store of these runs that nobody may change."""
     folder = tmp_path_factory.mktemp("swung")
     request = read_request(SWEEP, "swing", folder / "swung", folder=folder, workers=0)
-    run_sweep(request, lambda _total, _done: None, lambda _runs: None)
+    run_sweep(request, lambda *_: None, lambda _runs: None)
     return folder / "swung"
 
 

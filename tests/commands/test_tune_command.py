@@ -35,7 +35,7 @@ def pendulum(tmp_path: Path) -> Path:
 def test_text_data_patch_and_figure_say_the_same(
     contactlab: Run, pendulum: Path, tmp_path: Path
 ) -> None:
-    asked = (pendulum.name, "-o", "out", "--max-time", "60s", *SHORT)
+    asked = (pendulum.name, "-o", "out", "--max-cpu", "60s", *SHORT)
     code, out, err = contactlab("tune", *asked, "--figure", "a.svg")
     assert code == 0, err
     stored: Any = json.loads((tmp_path / "out" / "tune.json").read_text())
@@ -54,6 +54,21 @@ def test_text_data_patch_and_figure_say_the_same(
     assert pendulum.read_bytes() == written != PENDULUM.encode()
 
 
+@pytest.mark.long
+def test_a_robot_that_falls_is_said_to_fall(contactlab: Run, tmp_path: Path) -> None:
+    """A trunk on two hinged legs without torque; the answer is valid for its fall alone."""
+    (tmp_path / "walker.xml").write_text(
+        """<mujoco><option timestep=".004"/><worldbody><geom type="plane" size="2 2 .1"/>
+        <body name="trunk" pos="0 0 .53"><freejoint/><geom type="box" size=".1 .1 .05" mass="5"/>
+        <body pos="0 0 -.05"><joint name="hip" axis="0 1 0" damping=".1"/>
+        <geom type="box" pos=".03 0 -.24" size=".02 .1 .24" mass="1"/></body></body></worldbody>
+        <actuator><motor joint="hip"/></actuator></mujoco>"""
+    )
+    code, out, err = contactlab("tune", "walker.xml", "--max-cpu", "20s", *SHORT)
+    assert code == 0, err
+    assert "the drive of this task does not hold the robot up" in " ".join(out.split())
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -62,7 +77,7 @@ def test_text_data_patch_and_figure_say_the_same(
         (("--error", "5mm"), "--observe BODY --error-at end"),
         (("--observe", "hand", "--error-at", "end", "--error", "2%"), "leave it out for a share"),
         (("--error", "2"), "--error 2 is not a fraction"),
-        (("--max-time", "soon"), "--max-time soon: write a time, such as 90s, 5min or 1h"),
+        (("--max-cpu", "soon"), "--max-cpu soon: write a time, such as 90s, 5min or 1h"),
         (("--tolerance", "slip=1mm"), "--tolerance slip=: tune uses the error budget"),
         (("--tolerance", "slip"), "'--tolerance slip' is not a tolerance"),
         (("--real-time", "-1"), "--real-time -1: write a number above 0"),

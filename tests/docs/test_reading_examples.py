@@ -26,7 +26,7 @@ axes: {timestep: [2.0e-3, 2.0e-2], drop_height: [0.02, 0.3]}
 def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
     folder = tmp_path_factory.mktemp("examples")
     ask = read_request(SWEEP, "bounce", folder / "results/bounce", folder=folder, workers=0)
-    run_sweep(ask, begin=lambda _total, _done: None, progress=lambda _: None)
+    run_sweep(ask, begin=lambda *_: None, progress=lambda _: None)
     return Store.open(ask.store)
 
 

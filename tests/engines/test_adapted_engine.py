@@ -110,7 +110,7 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
 def swept(folder: Path, text: str = SWEEP) -> Store:
     """Run a sweep in this process."""
     request = read_request(text, "twins", folder / "store", folder=folder, workers=0)
-    run_sweep(request, lambda _total, _done: None, lambda _finished: None)
+    run_sweep(request, lambda *_: None, lambda _finished: None)
     return Store.open(folder / "store")
 
 

@@ -192,7 +192,7 @@ def installed(name: str) -> Any:
 def differences(folder: Path, name: str, text: str) -> list[tuple[EvidenceRecord, float]]:
     """Return MuJoCo's runs of a sweep with how far another engine's coordinates are from them."""
     request = read_request(text, "both", folder / "store", folder=folder, workers=0)
-    run_sweep(request, lambda _total, _done: None, lambda _finished: None)
+    run_sweep(request, lambda *_: None, lambda _finished: None)
     store = Store.open(folder / "store")
     runs: dict[str, dict[str, EvidenceRecord]] = {}
     for record in store.records():
@@ -308,7 +308,7 @@ axes: {engine: [mujoco, NAME], timestep: [0.0005, 0.001]}
 
 def drakes(folder: Path, text: str) -> Store:
     request = read_request(text, "drakes", folder / "store", folder=folder, workers=0)
-    run_sweep(request, lambda _total, _done: None, lambda _finished: None)
+    run_sweep(request, lambda *_: None, lambda _finished: None)
     return Store.open(folder / "store")
 
 

@@ -110,7 +110,7 @@ def _added(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, _registries_restored
 
 def swept(text: str) -> Store:
     request = read_request(text, "fall", Path("store"), folder=Path(), workers=0)
-    run_sweep(request, lambda _total, _done: None, lambda _finished: None)
+    run_sweep(request, lambda *_: None, lambda _finished: None)
     return Store.open(Path("store"))
 
 

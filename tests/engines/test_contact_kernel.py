@@ -270,7 +270,7 @@ def test_a_sweep_says_once_that_sensors_record(
     for way, name in (("", "kernel"), ("", "kernel"), ("off", "sensors")):
         monkeypatch.setenv(SWITCH, way)
         ask = replace(request(case, tmp_path / name, *SHORT, "duration=0.01"), workers=1)
-        run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+        run_sweep(ask, lambda *_: None, lambda _finished: None)
         said.append(caplog.text.count("install cc, or pip install 'ziglang>="))
     # The second has nothing left to run; in the third they were asked for.
     assert said == [1, 1, 1]
@@ -352,7 +352,7 @@ def stored(sweep: Path, store: Path, workers: int) -> dict[str, bytes]:
         seconds = min(MOST_SECONDS, ask.scene.duration)
         ask = request(sweep, store, *SHORT, f"duration={seconds}")
     ask = replace(ask, workers=workers)
-    run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+    run_sweep(ask, lambda *_: None, lambda _finished: None)
     return {path.relative_to(store).as_posix(): path.read_bytes() for path in store.rglob("*.mcap")}
 
 

@@ -61,7 +61,7 @@ def test_a_task_is_run_once_and_read_again(tmp_path: Path, monkeypatch: pytest.M
         monkeypatch.setitem(TASKS, task, tmp_path / f"{task}.yaml")
         TASKS[task].write_text(SHORT.replace("SCENE", scene))
     begun: list[int] = []
-    session = Session(tmp_path / "out", begin=lambda _total, done: begun.append(done))
+    session = Session(tmp_path / "out", begin=lambda _total, done, *_: begun.append(done))
     tasks, engines = ["bounce", "grasp"], ["mujoco", "impulse"]
     request = PanelRequest(tasks, engines)
     first = run_panel(request, session)

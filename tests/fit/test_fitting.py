@@ -26,7 +26,7 @@ def test_planted_friction_is_found_and_stiffness_is_not(tmp_path: Path, true: fl
     scene = plant(tmp_path / "puck", true, seed=7)
     request = FitRequest(scene, ["friction.slide", "solref.timeconst=0.015:0.03"], fitted=FITTED)
     begun: list[tuple[int, int]] = []
-    session = Session(tmp_path / "fit", begin=lambda total, done: begun.append((total, done)))
+    session = Session(tmp_path / "fit", begin=lambda total, done, *_: begun.append((total, done)))
     report = fit_settings(request, session)
     friction, stiffness = report.settings
     assert friction.interval is not None

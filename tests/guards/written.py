@@ -40,7 +40,7 @@ def written_items(name: str, model: Path) -> tuple[Items, Items]:
                     )
                     reports[item], words[item] = change_facts(found)
                 else:
-                    found = contactlab.tune(model, output=folder, max_time=SEARCHING, workers=1)
+                    found = contactlab.tune(model, output=folder, max_cpu=SEARCHING, workers=1)
                     reports[item], words[item] = tune_facts(found)
             except ContactlabError as error:
                 reports[item] = {"refused": type(error).__name__}

@@ -96,7 +96,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Store]:
     def run(text: str = SWEEP) -> Store:
         folder = tmp_path_factory.mktemp("tradeoff")
         ask = read_request(text, "tried", folder / "store", folder=folder, workers=0)
-        run_sweep(ask, lambda _total, _done: None, lambda _: None)
+        run_sweep(ask, lambda *_: None, lambda _: None)
         return Store.open(ask.store)
 
     return run

@@ -104,7 +104,7 @@ def test_the_rerun_is_the_configuration_in_the_same_scenarios_from_fresh_seeds(
     assert report.recommendation is not None
     text = recommended_sweep(store, report, tmp_path, seeds=3)
     ask = read_request(text, "rerun", tmp_path / "rerun", folder=tmp_path, workers=0)
-    manifest = run_sweep(ask, lambda _total, _done: None, lambda _: None)
+    manifest = run_sweep(ask, lambda *_: None, lambda _: None)
     assert manifest.runs == 3 * 3
     assert manifest.expectations == {"met": 9}
     again = Store.open(ask.store).table.to_pylist()
@@ -123,7 +123,7 @@ def test_the_rerun_of_a_tolerance_that_is_too_strict_fails(
     strict = report.model_copy(update={"tolerances": {"oracle_error": 1e-15}})
     text = recommended_sweep(store, strict, tmp_path, seeds=1)
     ask = read_request(text, "rerun", tmp_path / "rerun", folder=tmp_path, workers=0)
-    manifest = run_sweep(ask, lambda _total, _done: None, lambda _: None)
+    manifest = run_sweep(ask, lambda *_: None, lambda _: None)
     assert manifest.expectations == {"unmet": 3}
 
 
@@ -140,4 +140,4 @@ def test_a_model_file_of_ones_own_is_run_again_from_the_stores_copy(
     text = recommended_sweep(found, own, found.path.parent, seeds=1)
     assert f'scene: "./{found.path.name}/scenes/' in text
     ask = read_request(text, "again", tmp_path / "again", folder=found.path.parent, workers=0)
-    assert run_sweep(ask, lambda _total, _done: None, lambda _: None).runs == 1
+    assert run_sweep(ask, lambda *_: None, lambda _: None).runs == 1

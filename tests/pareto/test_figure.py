@@ -102,11 +102,17 @@ def test_methods_beyond_four_without_integrators_share_one_grey(report: Tradeoff
     assert "others" in {each["method"] for each in points(alike)}
 
 
-def test_names_cover_neither_each_other_nor_the_ringed_point(report: TradeoffReport) -> None:
+def test_names_cover_neither_each_other_nor_points(report: TradeoffReport) -> None:
     """Boxes of texts, with a letter of .6 of the size of its font, are apart."""
     layers = chart_specification(report).to_dict()["layer"]
     shown = chart_data(report)
     boxes = list[tuple[float, float, float, float]]()
+    markers = list[tuple[float, float, float, float]]()
+    (low, high), (least, most) = shown.frame
+    for point in shown.points:
+        x = 640 * math.log(point["time"] / low) / math.log(high / low)
+        y = 440 * math.log(most / point["error"]) / math.log(most / least)
+        markers.append((x - 4, x + 4, y - 4, y + 4))
     for layer in layers:
         mark, data = layer["mark"], layer["data"]["values"]
         if mark["type"] != "text" or layer["encoding"].get("text", {}).get("field") not in {
@@ -119,7 +125,6 @@ def test_names_cover_neither_each_other_nor_the_ringed_point(report: TradeoffRep
         field, size = layer["encoding"]["text"]["field"], mark["fontSize"]
         for row in data:
             place = {key: row.get(key, mark.get(key)) for key in ("align", "dx", "dy")}
-            (low, high), (least, most) = shown.frame
             x = 640 * math.log(row["time"] / low) / math.log(high / low) + place["dx"]
             y = 440 * math.log(most / row["error"]) / math.log(most / least) + place["dy"]
             length = 0.6 * size * len(row[field])
@@ -127,7 +132,7 @@ def test_names_cover_neither_each_other_nor_the_ringed_point(report: TradeoffRep
             boxes.append((left, left + length, y - size / 2, y + size / 2))
     assert boxes
     for place, one in enumerate(boxes):
-        for other in boxes[:place]:
+        for other in (*boxes[:place], *markers):
             assert (
                 one[0] >= other[1] or other[0] >= one[1] or one[2] >= other[3] or other[2] >= one[3]
             )

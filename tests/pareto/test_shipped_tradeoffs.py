@@ -21,7 +21,7 @@ pytestmark = pytest.mark.night
 def run(source: Path | str, store: Path) -> Store:
     folder = source.parent if isinstance(source, Path) else store.parent
     ask = read_request(source, store.name, store, folder=folder, workers=2)
-    run_sweep(ask, lambda _total, _done: None, lambda _: None)
+    run_sweep(ask, lambda *_: None, lambda _: None)
     return Store.open(store)
 
 

@@ -98,7 +98,7 @@ def file(tmp_path: Path) -> Path:
 def store(file: Path, tmp_path: Path) -> Store:
     load_plugins([file])
     request = read_request(SWEEP, "small", tmp_path / "store", folder=tmp_path, workers=0)
-    run_sweep(request, lambda _total, _done: None, lambda _finished: None)
+    run_sweep(request, lambda *_: None, lambda _finished: None)
     return Store.open(tmp_path / "store")
 
 

@@ -45,7 +45,7 @@ ONE_FAILS = """
 def sweep(folder: Path, name: str = "store", workers: int = 0, text: str = "") -> Store:
     source = text or folder / "small.yaml"
     request = read_request(source, "small", folder / name, folder=folder, workers=workers)
-    run_sweep(request, lambda _total, _done: None, lambda _finished: None)
+    run_sweep(request, lambda *_: None, lambda _finished: None)
     return Store.open(folder / name)
 
 

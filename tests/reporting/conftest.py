@@ -87,7 +87,7 @@ CHROMIUM = Path("/usr/bin/chromium")
 def run(text: str, folder: Path, name: str = "tried") -> Store:
     """Run a sweep, given as text, into a store."""
     ask = read_request(text, name, folder / "store", folder=folder, workers=0)
-    run_sweep(ask, lambda _total, _done: None, lambda _: None)
+    run_sweep(ask, lambda *_: None, lambda _: None)
     return Store.open(ask.store)
 
 

@@ -82,7 +82,7 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> ReportData:
         f"{{version: 1, scene: {scene}, axes: {{friction.slide: [0.1, 0.3, 0.9]}}, checks: none}}"
     )
     ask = read_request(text, "compared", folder / "store", folder=folder, workers=0)
-    run_sweep(ask, begin=lambda _total, _done: None, progress=lambda _: None)
+    run_sweep(ask, begin=lambda *_: None, progress=lambda _: None)
     return read_report_data(Store.open(ask.store))
 
 

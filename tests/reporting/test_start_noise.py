@@ -48,7 +48,7 @@ def test_show_and_page_tell_it_beside_the_error(tmp_path: Path) -> None:
     text = f"version: 1\nscene: {scene}\ntrace: none\nchecks: none\nseeds: 2\naxes:\n"
     text += f"  recorded_run: [0, 2]\n  friction.slide: {frictions}\n  perturbation: [0, 1]\n"
     ask = read_request(text, "noise", tmp_path / "store", folder=tmp_path, workers=0)
-    run_sweep(ask, begin=lambda _total, _done: None, progress=lambda _: None)
+    run_sweep(ask, begin=lambda *_: None, progress=lambda _: None)
     data = read_report_data(Store.open(ask.store))
     rows = data.store.table.to_pylist()
     keys = [(row["recorded_run"], row["friction.slide"]) for row in rows]

@@ -28,7 +28,7 @@ def swept(
 ) -> list[dict[str, Any]]:
     text = SWEEP.format(scene=scene)
     ask = read_request(text, name, folder / name, folder=folder, workers=workers)
-    run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+    run_sweep(ask, lambda *_: None, lambda _finished: None)
     return pq.read_table(folder / name / "runs.parquet").to_pylist()
 
 
@@ -76,5 +76,5 @@ def test_a_programme_that_goes_back_in_time_is_said_before_anything_runs(tmp_pat
     sweep = SWEEP.format(scene="./copy").replace("0.15", "0.05")
     ask = read_request(sweep, "store", tmp_path / "store", folder=tmp_path, workers=0)
     with pytest.raises(SceneError, match=r"copy/scene.yaml: control grip.ctrl: times must not"):
-        run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+        run_sweep(ask, lambda *_: None, lambda _finished: None)
     assert not (tmp_path / "store").exists()

@@ -24,7 +24,7 @@ axes: {{restitution: [0.6], timestep: [2.0e-3]}}
 def swept(folder: Path, asked: str) -> list[dict[str, Any]]:
     text = SWEEP.format(asked=asked)
     ask = read_request(text, asked, folder / asked, folder=folder, workers=0)
-    run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+    run_sweep(ask, lambda *_: None, lambda _finished: None)
     return pq.read_table(folder / asked / "runs.parquet").to_pylist()
 
 

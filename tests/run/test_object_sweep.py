@@ -144,9 +144,9 @@ def test_passes_are_resumed_too(
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_sweep(ask, lambda _, done: began.append(done), stop_in_second_pass)
+        run_sweep(ask, lambda _, done, *__: began.append(done), stop_in_second_pass)
     passes: list[tuple[int, int]] = []
-    run_sweep(ask, lambda total, done: passes.append((total, done)), lambda _: None)
+    run_sweep(ask, lambda total, done, *_: passes.append((total, done)), lambda _: None)
     assert passes == [(6, 6), (6, 2)]
     sweeper.run(SMALL, "local")
     assert outcome_at(address) == sweeper.outcome("local")
@@ -230,7 +230,7 @@ def test_resumed_on_another_machine(
     monkeypatch.setattr(lease, "LEASE", 0.5)
     began: list[tuple[int, int]] = []
     start = time.monotonic()
-    run_sweep(ask, lambda total, done: began.append((total, done)), lambda _: None)
+    run_sweep(ask, lambda total, done, *_: began.append((total, done)), lambda _: None)
     assert time.monotonic() - start >= 0.5
     assert began[0][0] == 18
     assert 0 < began[0][1] < 18
@@ -262,7 +262,7 @@ def test_a_server_that_goes_away(
     monkeypatch.setattr(type(client), "put_file", put)
     assert client.find_object("manifest.json") is None
     began: list[int] = []
-    run_sweep(ask, lambda _, done: began.append(done), lambda _: None)
+    run_sweep(ask, lambda _, done, *__: began.append(done), lambda _: None)
     assert began[0] > 0
     sweeper.run(ball, "local")
     assert outcome_at(address) == sweeper.outcome("local")

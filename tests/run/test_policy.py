@@ -71,7 +71,7 @@ def swept(
     sweep["drive"] = {"policy": policy, **(drive or {})}
     ask = read_request(sweep, "policy", folder / name, folder=folder, workers=workers)
     ask = replace(ask, allow_code=allow_code)
-    return run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+    return run_sweep(ask, lambda *_: None, lambda _finished: None)
 
 
 def rows(folder: Path, name: str = "store") -> list[dict[str, Any]]:
@@ -371,7 +371,7 @@ def test_what_no_drive_has_is_no_axis(folder: Path) -> None:
     sweep = {"version": 1, "scene": "cart.xml", "axes": {"drive.latency": [0.1]}}
     ask = read_request(sweep, "s", folder / "store", folder=folder, workers=0)
     with pytest.raises(SceneError, match=r"drive\.latency: the drive auto has no such number"):
-        run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+        run_sweep(ask, lambda *_: None, lambda _finished: None)
 
 
 def test_a_scene_may_name_its_policy(folder: Path) -> None:
@@ -382,9 +382,9 @@ def test_a_scene_may_name_its_policy(folder: Path) -> None:
     sweep = {"version": 1, "scene": "./", "trace": "none"}
     ask = read_request(sweep, "s", folder / "store", folder=folder, workers=0)
     with pytest.raises(SceneError, match="--allow-code"):
-        run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+        run_sweep(ask, lambda *_: None, lambda _finished: None)
     ask = replace(ask, allow_code=True)
-    run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+    run_sweep(ask, lambda *_: None, lambda _finished: None)
     (folder / "balance.py").unlink()
     assert replay_run(Store.open(folder / "store"), rows(folder)[0]["run_id"]).equal
 
@@ -396,7 +396,7 @@ def test_recorded_controls_drive_a_sweep_as_the_policy_did(folder: Path) -> None
     sweep = {"version": 1, "scene": "cart.xml", "duration": 0.4}
     drive = {"file": str(controls), "interpolation": "hold"}
     ask = read_request({**sweep, "drive": drive}, "s", folder / "again", folder=folder, workers=0)
-    run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+    run_sweep(ask, lambda *_: None, lambda _finished: None)
     assert rows(folder, "again")[0]["trajectory_hash"] == rows(folder)[0]["trajectory_hash"]
 
 

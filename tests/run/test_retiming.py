@@ -26,7 +26,7 @@ axes: {timestep: [1.0e-3, 2.0e-3]}
 
 def test_it_times_runs_and_says_what_it_cannot(tmp_path: Path) -> None:
     ask = read_request(SWEEP, "tried", tmp_path / "store", folder=tmp_path, workers=0)
-    run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+    run_sweep(ask, lambda *_: None, lambda _finished: None)
     store = Store.open(tmp_path / "store")
     ids = store.table["run_id"].to_pylist()
     asked = [{"run": run, "repeats": 3} for run in (*ids, "nothing", ids[0])]
@@ -47,7 +47,7 @@ def test_it_times_runs_and_says_what_it_cannot(tmp_path: Path) -> None:
 
 def test_it_starts_where_the_run_went(tmp_path: Path) -> None:
     ask = read_request(SWEEP, "tried", tmp_path / "store", folder=tmp_path, workers=0)
-    run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+    run_sweep(ask, lambda *_: None, lambda _finished: None)
     store = Store.open(tmp_path / "store")
     record = next(store.records())
     _, segments = timed_run(store, record.run_id)

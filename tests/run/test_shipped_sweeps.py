@@ -46,7 +46,7 @@ def _run(name: str, store: Path) -> Rows:
         store=store,
         workers=2,
     )
-    run_sweep(ask, begin=lambda _total, _done: None, progress=lambda _: None)
+    run_sweep(ask, begin=lambda *_: None, progress=lambda _: None)
     return Store.open(store).table.to_pylist()
 
 

@@ -40,7 +40,7 @@ def swept(path: Path, folder: Path, more: str = "") -> Store:
     """Return the store of the default runs of a model file."""
     text = f"version: 1\nscene: {path}\naxes: {{}}\nseeds: 2\ntrace: all\nchecks: none\n{more}"
     asked = read_request(text, "store", folder, folder=path.parent, workers=0)
-    run_sweep(asked, lambda _total, _done: None, lambda _finished: None)
+    run_sweep(asked, lambda *_: None, lambda _finished: None)
     return Store.open(folder)
 
 

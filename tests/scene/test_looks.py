@@ -31,7 +31,7 @@ def strip(path: Path) -> None:
 def hashes(folder: Path, scene: Path, duration: float, axis: str) -> list[str | None]:
     text = SWEEP.format(scene=scene, duration=duration, axis=axis)
     ask = read_request(text, "looked", folder, folder=scene.parent, workers=0)
-    run_sweep(ask, begin=lambda _total, _done: None, progress=lambda _: None)
+    run_sweep(ask, begin=lambda *_: None, progress=lambda _: None)
     return [record.trajectory_hash for record in Store.open(folder).records()]
 
 

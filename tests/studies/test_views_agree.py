@@ -72,7 +72,7 @@ def test_searches_of_a_small_model_have_one_answer(tmp_path: Path) -> None:
     )
     options: dict[str, Any] = {"duration": "0.2s"}
     whole = contactlab.examine(path, section=["budget"], output=tmp_path / "out", **options)
-    searches_agree(str(path), whole, tmp_path, max_time="2s", **options)
+    searches_agree(str(path), whole, tmp_path, max_cpu="2s", **options)
 
 
 @pytest.mark.long
@@ -115,4 +115,4 @@ def public(robot: str) -> str:
 def test_a_public_model_has_one_answer(robot: str, tmp_path: Path) -> None:
     model = public(robot)
     whole = views_agree(model, tmp_path, "0.6s")
-    searches_agree(model, whole, tmp_path, max_time="20s", duration="0.6s")
+    searches_agree(model, whole, tmp_path, max_cpu="20s", duration="0.6s")

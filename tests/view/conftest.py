@@ -56,7 +56,7 @@ def make_store(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Stor
                 store=folder / name,
                 workers=0,
             )
-            run_sweep(ask, begin=lambda _total, _done: None, progress=lambda _: None)
+            run_sweep(ask, begin=lambda *_: None, progress=lambda _: None)
         return Store.open(folder / name)
 
     return make

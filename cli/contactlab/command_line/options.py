@@ -161,10 +161,10 @@ ErrorMetric = Annotated[
     str | None,
     Option("NAME", "Metric of accuracy: error_final, oracle_error or any other."),
 ]
-MaxTime = Annotated[float | str, Option("TIME", "Time limit: 90s, 5min, 1h.", kind=str)]
-MaxStudyTime = Annotated[float | str, Option("TIME", "Limit of CPU time: 90s, 5min, 1h.", kind=str)]
+MaxTime = Annotated[float | str, Option("TIME", "Limit of wall time: 90s, 5min.", kind=str)]
+# Work is counted in simulated steps and priced by those of this machine: a busy one takes longer.
 MaxCpu = Annotated[
-    float | str, Option("TIME", "Limit of CPU time, with the page: 60s, 5min.", kind=str)
+    float | str, Option("TIME", "Limit of work, as CPU time of an idle core: 5min.", kind=str)
 ]
 Figure = Annotated[
     str | Path | None, Option("FILE", "Draw the result: a .png or .svg file.", kind=Path)

@@ -15,7 +15,7 @@ from contactlab.errors import EngineError
 from contactlab.step_progress import StepCount, listening_to_steps
 
 if TYPE_CHECKING:
-    from contactlab.run.tasks import Finished, Stop
+    from contactlab.run.tasks import BeginCallback, Finished, Stop
     from contactlab.tasks.session import Session
 
 Progress = Callable[[int, int], None]
@@ -26,7 +26,8 @@ Progress = Callable[[int, int], None]
 class Watch:
     """Watcher of runs: it counts them, and may ask them to stop."""
 
-    begin: Callable[[int, int], None]  # called with the runs in all, and those stored already
+    # Called with the runs in all, those stored already, and the name of a pass over them.
+    begin: "BeginCallback"
     advance: "Callable[[Sequence[Finished]], None]"  # called with runs as they finish
     stop: "Stop | None" = None
 
@@ -58,7 +59,8 @@ class Surroundings:
         """Follow runs."""
         done_count = total = 0
 
-        def begin(runs: int, stored: int) -> None:
+        def begin(runs: int, stored: int, phase: str = "", /) -> None:
+            del phase
             nonlocal done_count, total
             done_count, total = stored, runs
             advance(())

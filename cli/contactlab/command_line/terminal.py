@@ -209,21 +209,23 @@ class ProgressDisplay:
         self._console = console
         self._live = live
         self._printed = time.monotonic()
-        self._show_count(0, 0)
+        self._show_count(0, 0, "")
 
-    def _show_count(self, total: int, done_count: int) -> None:
+    def _show_count(self, total: int, done_count: int, phase: str) -> None:
         self._total, self._done, self._stored = total, done_count, done_count
+        self._phase = phase
         self._labels: Counter[str] = Counter()
         self._began = self._first = time.monotonic()
         # From the end of the first runs: the start of workers does not count.
         self._recent: deque[tuple[float, int]] = deque()
 
-    def begin(self, total: int, done_count: int) -> None:
-        """Start to count `total` runs, `done_count` of them finished."""
-        self._show_count(total, done_count)
+    def begin(self, total: int, done_count: int, phase: str = "", /) -> None:
+        """Start to count `total` runs of a pass, `done_count` of them finished."""
+        self._show_count(total, done_count, phase)
         self._printed = self._began
         if done_count:
-            self._console.print(Text(f"{done_count:,} of {total:,} runs are stored already"))
+            counted = phase or "runs"
+            self._console.print(Text(f"{done_count:,} of {total:,} {counted} are stored already"))
 
     def advance(self, finished: "Sequence[Finished]") -> None:
         """Count runs that just finished."""
@@ -251,7 +253,8 @@ class ProgressDisplay:
         filled, seconds_left = _BAR * self._done // self._total, self.seconds_left()
         line = Text(no_wrap=True, overflow="ellipsis")
         line.append("█" * filled, "green").append("░" * (_BAR - filled), "dim")
-        line.append(f" {self._done:,} of {self._total:,}")
+        line.append(f" {self._phase} {self._done:,}" if self._phase else f" {self._done:,}")
+        line.append(f" of {self._total:,}")
         if seconds_left is not None:
             rate = self._runs_per_second()
             rate_text = f"{rate:,.0f}" if rate >= 10 else f"{rate:.2g}"

@@ -99,7 +99,7 @@ def find(
         str | Sequence[str], Option("OLDER,NEWER", "The two releases to compare.", kind=str)
     ],
     max_time: Annotated[
-        float, Option("SECONDS", "Wall time for shrinking one difference.", least=0)
+        float, Option("SECONDS", "Limit of wall time to shrink one difference.", least=0)
     ] = 10.0,
     output: opt.StudyFolder = None,
 ) -> "DifferencesReport":

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from contactlab.schema.effects_report import EffectsReport
 
 
-_MAX_TIME = "2min"
+_MAX_CPU = "2min"
 
 
 def _choose_folder(arguments: Arguments) -> Path:
@@ -52,7 +52,7 @@ def effects(
             kind=list[str],
         ),
     ] = (),
-    max_time: opt.MaxStudyTime = _MAX_TIME,
+    max_cpu: opt.MaxCpu = _MAX_CPU,
     metric: Annotated[
         Literal["reality"] | None,
         Option(None, "Find the effects of a scene that bring runs closer to recorded runs."),
@@ -95,7 +95,7 @@ def effects(
         source=str(source),
         assign=opt.assigned(set),
         task=task_options,
-        max_time=read_seconds(max_time),
+        max_cpu=read_seconds(max_cpu, "--max-cpu"),
         keep=(keep,) if isinstance(keep, str) else tuple(keep),
         far_distance=reductions.get("far-pairs"),
         write=None if write is None else Path(write),
@@ -109,9 +109,9 @@ def effects(
             raise SweepFileError("--metric needs a scene or a sweep with a recording")
         if request.far_distance is not None:
             raise SweepFileError("--apply far-pairs compares no recordings. Leave --metric out")
-        if request.max_time != read_seconds(_MAX_TIME):
+        if request.max_cpu != read_seconds(_MAX_CPU, "--max-cpu"):
             raise SweepFileError(
-                "--max-time does not limit --metric reality, which simulates every recorded run. "
+                "--max-cpu does not limit --metric reality, which simulates every recorded run. "
                 "Leave one of both out"
             )
         report = study_recordings(request, session)

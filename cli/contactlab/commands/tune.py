@@ -61,7 +61,7 @@ def tune(
         Literal["end", "peak"] | None,
         Option(None, "Measure the error of observed bodies, sites or sensors: end or peak."),
     ] = None,
-    max_time: opt.MaxStudyTime = "2min",
+    max_cpu: opt.MaxCpu = "2min",
     pick: Annotated[
         int | None,
         Option("N", "Write and verify point N of the front."),
@@ -113,7 +113,7 @@ def tune(
         real_time=real_time,
         observed=observed if error_at else (),
         error_at=error_at,
-        max_time=read_seconds(max_time),
+        max_cpu=read_seconds(max_cpu, "--max-cpu"),
         pick=pick,
         apply=opt.read_reductions((apply,) if isinstance(apply, str) else apply),
     )

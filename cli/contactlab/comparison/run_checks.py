@@ -209,7 +209,11 @@ def expectation_checks(paired: PairedStores) -> Iterator[Finding]:
         verdicts[~before.valid & (after.values == 0)] = CHANGED
         is_judged = before.valid | after.valid
         message = f"{out_of(int((after.values == 1).sum()), int(is_judged.sum()))} within {name}"
-        message = message if is_judged.any() else f"the sweep has no {name}"
+        if not is_judged.any():
+            message = f"the sweep has no {name}"
+            # Requirements are labels, which have checks of their own.
+            if name == "expectations" and paired.candidate.manifest.sweep.resolved.get("must"):
+                message = "the sweep has no `expect`; labels judge its `must`"
         shown_pairs = np.flatnonzero(verdicts == WORSE)[:MOST_SHOWN].tolist()
         worst = paired.run_pairs(
             shown_pairs, ["met"] * len(shown_pairs), ["not met"] * len(shown_pairs)

@@ -28,7 +28,10 @@ def expectation_findings(store: Store) -> Iterator[Finding]:
     rest = manifest.runs - met_count - unmet
     summary = f"{met_count:,} of {met_count + unmet:,} runs are as expected"
     summary += f"; {rest:,} have no expectation" if rest else ""
-    summary = summary if met_count + unmet else "no expectations defined"
+    if not met_count + unmet:
+        # Requirements are judged by labels, as any other fault of a run.
+        is_required = bool(manifest.sweep.resolved.get("must"))
+        summary = "no `expect` in the sweep" + "; labels judge its `must`" * is_required
     yield _make_finding(EXPECTED, "labels", met_count + unmet, unmet, summary, _unmet_runs(store))
     if means := manifest.unmet_means:
         yield _make_finding(MEANS, "metrics", len(means), len(means), "; ".join(means))

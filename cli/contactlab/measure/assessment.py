@@ -38,7 +38,7 @@ from contactlab.measure.entries import (
     threshold_values,
 )
 from contactlab.measure.penetration import PRESSED, accepted_overlaps, weights_borne
-from contactlab.measure.run_integrity import STABLE, invalid
+from contactlab.measure.run_integrity import STABLE, invalid, stable_reason
 from contactlab.measure.solver_work import stuck_share
 from contactlab.schema.coverage import Coverage
 
@@ -114,7 +114,7 @@ def assess_runs(trace: Trace, setup: Setup, checks: SelfChecks | None = None) ->
             applied[run] = [AppliedLabel(invalid.__name__, "; ".join(reasons), 0), *others]
         soft = accepted_overlaps(context)
         labels = tuple(
-            tuple(labels) or (AppliedLabel(STABLE.name, _stable_reason(soft.get(run)), 0),)
+            tuple(labels) or (AppliedLabel(STABLE.name, stable_reason(soft.get(run)), 0),)
             for run, labels in enumerate(applied)
         )
         suspect = np.array([own[0].label != STABLE.name for own in labels])
@@ -123,10 +123,6 @@ def assess_runs(trace: Trace, setup: Setup, checks: SelfChecks | None = None) ->
         covered = run_coverages(context)
     bodies = tuple(error.body for error in checks.backward) if checks else ()
     return Assessment(metrics, labels, context.pairs, suspect, bodies or None, covered)
-
-
-def _stable_reason(accepted: str | None) -> str:
-    return f"{STABLE.meaning} Accepted: {accepted}." if accepted else STABLE.meaning
 
 
 def _measure_metric(metric: Metric, context: Context, failures: Failures) -> Floats:

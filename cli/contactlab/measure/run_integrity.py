@@ -43,6 +43,17 @@ STABLE = LABELS.add(
         colour="#dbe5de",
     )
 )
+_ACCEPTED = f"{STABLE.meaning} Accepted: "
+
+
+def stable_reason(accepted: str | None) -> str:
+    """Return the reason of a stable run, with its accepted overlap in words."""
+    return f"{_ACCEPTED}{accepted}." if accepted else STABLE.meaning
+
+
+def find_accepted(reason: str) -> str:
+    """Return the accepted overlap that the reason of a run has; empty without one."""
+    return reason.removeprefix(_ACCEPTED).removesuffix(".") if reason.startswith(_ACCEPTED) else ""
 
 
 _MEMORY_WARNINGS = {"contactfull", "cnstrfull"}  # warnings of memory for contacts and constraints

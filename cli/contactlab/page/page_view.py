@@ -46,6 +46,7 @@ from contactlab.reporting.report import PageRequest, ReportData, read_report_dat
 from contactlab.reporting.report_columns import (
     Quantity,
     number_with_unit,
+    read_accepted_overlap,
     summary_metrics,
     with_unit,
 )
@@ -346,11 +347,9 @@ def list_stable_tiles(data: ReportData) -> Iterator[StableTile]:
             for axis in decisive[:3]
         )
         run = data.store.columns.run_id(row)
-        yield StableTile(
-            format_amount(float(depth.values[row]), "mm"),
-            f"deepest contact{f': {settings}' if settings else ''}",
-            run,
-        )
+        text = f"deepest contact{f': {settings}' if settings else ''}"
+        text = "; ".join(filter(None, (text, read_accepted_overlap(data.store.columns, row))))
+        yield StableTile(format_amount(float(depth.values[row]), "mm"), text, run)
     for cost in data.quantities_named(RECORDED_TIME_COLUMN):
         row = int(np.nanargmax(cost.values))
         slowest, fastest = (1 / float(find(cost.values)) for find in (np.nanmax, np.nanmin))

@@ -259,6 +259,7 @@ def _tradeoff_data(report: TradeoffReport) -> dict[str, Any]:
         "configurations": [
             list(configuration.configuration.values()) for configuration in report.configurations
         ],
+        "units": report.units,
         "error": [report.error.name, report.error.unit],
         "tolerances": report.tolerances,
         "baseline": report.baseline is not None,

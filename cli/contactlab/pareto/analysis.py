@@ -89,6 +89,7 @@ def analyze_tradeoff(store: Store, criteria: Criteria = _DEFAULT_CRITERIA) -> Tr
         sweep=identity.name,
         scene=identity.scene,
         knobs=tuple(runs.knobs),
+        units={name: store.columns.described[name].unit for name in runs.knobs},
         scenarios=tuple(runs.scenarios),
         insensitive_knobs=tuple(insensitive),
         runs_per_configuration=max(configuration.cases for configuration in evaluated),

@@ -1,12 +1,13 @@
 """Pareto fronts of time and error, and the recommended configuration, also in sentences."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.mjcf import MODEL_ENGINE
 from contactlab.pareto.configurations import Evaluated
+from contactlab.rendering.amounts import format_amount, format_setting
 from contactlab.schema.evidence import Setting
 from contactlab.schema.time_ratio import BUILD_NOISE
 from contactlab.schema.tradeoff_report import Configuration, Settings, TradeoffReport
@@ -109,18 +110,23 @@ def _known_error(configuration: Evaluated) -> float:
     return np.inf if configuration.summary.error is None else configuration.summary.error
 
 
-def settings_text(values: Settings, names: Iterable[str]) -> str:
-    """Return some settings as `timestep 0.001, cone elliptic`."""
-    return ", ".join(f"{name} {setting_text(values[name])}" for name in names)
+def settings_text(values: Settings, names: Iterable[str], units: Mapping[str, str]) -> str:
+    """Return some settings with their units, as `timestep 1 ms, cone elliptic`."""
+    texts = {name: setting_text(values[name], units.get(name, "")) for name in names}
+    return ", ".join(f"{name} {text}" for name, text in texts.items())
 
 
-def setting_text(value: Setting) -> str:
-    """Return the value of a setting in words."""
+def setting_text(value: Setting, unit: str = "") -> str:
+    """Return the value of a setting in words; below 1 s or 1 m in ms or mm."""
     if value is None:
         return "as in the scene"
     if isinstance(value, bool):
         return str(value).lower()
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    if isinstance(value, str | tuple):
+        return format_setting(value)
+    small_units = {"s": "ms", "m": "mm"}
+    shown_unit = small_units.get(unit, unit) if abs(value) < 1 else unit
+    return format_amount(value, shown_unit, digits=6)
 
 
 def robust_text(report: TradeoffReport) -> str:
@@ -128,12 +134,12 @@ def robust_text(report: TradeoffReport) -> str:
     if not report.tolerances or report.recommendation is None:
         return ""
     if report.robust is None:
-        return f"No configuration keeps a margin of {SAFE_MARGIN} to every tolerance."
+        return f"No configuration has all margins at least {SAFE_MARGIN}."
     if report.robust.run_id == report.recommendation.run_id:
-        return f"It keeps a margin of {SAFE_MARGIN} to every tolerance."
+        return f"All margins are at least {SAFE_MARGIN}."
     ratio = report.robust.time / report.recommendation.time
-    values = settings_text(report.robust.configuration, report.varying) or "as in the sweep"
-    return f"A margin of {SAFE_MARGIN} to every tolerance costs x{ratio:.3g} time: {values}."
+    values = _varying_text(report, report.robust.configuration)
+    return f"All margins at least {SAFE_MARGIN} cost x{ratio:.3g} time: {values}."
 
 
 def next_step_text(report: TradeoffReport) -> str:
@@ -142,5 +148,9 @@ def next_step_text(report: TradeoffReport) -> str:
     if after is None:
         return ""
     gain = "no error" if after.error_ratio is None else f"{after.error_ratio:.3g}x less error"
-    values = settings_text(after.configuration, report.varying) or "as in the sweep"
+    values = _varying_text(report, after.configuration)
     return f"x{after.time_ratio:.3g} time gives {gain}: {values}."
+
+
+def _varying_text(report: TradeoffReport, values: Settings) -> str:
+    return settings_text(values, report.varying, report.units) or "as in the sweep"

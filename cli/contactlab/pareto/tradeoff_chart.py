@@ -16,13 +16,13 @@ from contactlab.pareto.convergence import (
     method_name,
     varying_knobs,
 )
-from contactlab.pareto.recommendation import front_of
+from contactlab.pareto.recommendation import SAFE_MARGIN, front_of
 from contactlab.schema.tradeoff_report import Configuration, Settings, TradeoffReport
 
 OTHERS = "others"
 _INTEGRATOR = "integrator"
 RECOMMENDED = "recommended"
-ROBUST = "margin 1.25"
+ROBUST = f"margins >= {SAFE_MARGIN:g}"
 NOW = "now"
 _MOST_METHODS = 4  # more colors and shapes are hard to distinguish
 _SIZE = (640, 440)  # of the chart [pixels]
@@ -368,27 +368,39 @@ def _box_of(
     return _Box(left_edge, left_edge + length, middle - size / 2, middle + size / 2)
 
 
-def _place_ring_names(data: ChartData) -> list[Row]:
-    # The first of the places that cover fewest points and other names.
-    rows: list[Row] = []
-    points = [_box_of(point, data.frame) for point in data.points]
-    names: list[_Box] = []
-    places = [
-        {"align": align, "dx": dx, "dy": dy}
-        for dy in (-16, 18)
-        for align, dx in (("left", 12), ("right", -12))
+def _list_places(dx: int, *dys: int) -> list[Row]:
+    return [
+        {"align": align, "dx": across, "dy": dy}
+        for dy in dys
+        for align, across in (("left", dx), ("right", -dx))
     ]
+
+
+def _least_covering(
+    row: Row, frame: ChartFrame, text: str, places: list[Row], occupied: list[_Box], *, size: int
+) -> tuple[float, Row, _Box]:
+    # How many boxes the best place of a text covers, the first such place, and its box.
+    outside = 100  # boxes that are as bad as a text that is cut off
+    found = list[tuple[float, Row, _Box]]()
+    for place in places:
+        box = _box_of(row, frame, text, place, size=size)
+        is_cut = box.left < 0 or box.right > _SIZE[0] or box.top < 0 or box.bottom > _SIZE[1]
+        covered = sum(box.overlaps_box(other) for other in occupied)
+        found.append((outside * is_cut + covered, place, box))
+    return min(found, key=lambda each: each[0])
+
+
+def _place_ring_names(data: ChartData) -> list[Row]:
+    rows: list[Row] = []
+    occupied = [_box_of(point, data.frame) for point in data.points]
     for point in data.points:
         if not point["chosen"]:
             continue
-
-        def count_covered(place: Row, point: Row = point) -> float:
-            box = _box_of(point, data.frame, point["chosen"], place, size=12)
-            outside = box.left < 0 or box.right > _SIZE[0]
-            return 100 * outside + sum(box.overlaps_box(other) for other in (*points, *names))
-
-        place = min(places, key=count_covered)
-        names.append(_box_of(point, data.frame, point["chosen"], place, size=12))
+        places = _list_places(12, -16, 18)
+        _, place, box = _least_covering(
+            point, data.frame, point["chosen"], places, occupied, size=12
+        )
+        occupied.append(box)
         rows.append(point | place)
     return rows
 
@@ -396,19 +408,27 @@ def _place_ring_names(data: ChartData) -> list[Row]:
 def _timestep_labels(
     data: ChartData, named_points: list[Row], rings: list[Row], x: alt.X, y: alt.Y
 ) -> Iterator[alt.Chart]:
-    # Labels cover neither each other nor names of rings.
-    place = {"align": "left", "dx": 8, "dy": -8}
+    # Labels cover neither points, nor each other, nor names of rings; a label without room is left
+    # out, since the list below the chart has all points.
+    keys = ("align", "dx", "dy")
     occupied = [
-        _box_of(ring, data.frame, ring["chosen"], {key: ring[key] for key in place}, size=12)
-        for ring in rings
+        *(_box_of(point, data.frame) for point in data.points),
+        *(
+            _box_of(ring, data.frame, ring["chosen"], {key: ring[key] for key in keys}, size=12)
+            for ring in rings
+        ),
     ]
     rows: list[Row] = []
     for point in named_points:
-        box = _box_of(point, data.frame, point["label"], place)
-        if not point["labelled"] or point["chosen"] or any(map(box.overlaps_box, occupied)):
+        if not point["labelled"] or point["chosen"]:
+            continue
+        covered, place, box = _least_covering(
+            point, data.frame, point["label"], _list_places(8, -9, 11), occupied, size=10
+        )
+        if covered:
             continue
         occupied.append(box)
-        rows.append(point)
-    layer = layer_of("labels right", rows)
-    for mark in halo_layers(layer, **place, fontSize=10):
+        rows.append(point | place)
+    placed = {name: alt.ExprRef(f"datum.{name}") for name in keys}
+    for mark in halo_layers(layer_of("labels", rows), **placed, fontSize=10):
         yield mark.encode(x, y, text="label:N")

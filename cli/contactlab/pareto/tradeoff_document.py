@@ -64,7 +64,8 @@ def _list_facts(report: TradeoffReport) -> Iterator[tuple[str, str]]:
     if (current := report.baseline) is not None:
         # Settings, error and time of the model as written, and why it is not feasible.
         setting_names = [name for name in report.varying if current.configuration[name] is not None]
-        parts = [settings_text(current.configuration, setting_names)] if setting_names else []
+        settings = settings_text(current.configuration, setting_names, report.units)
+        parts = [settings] if settings else []
         parts += [] if current.error is None else [f"error {format_amount(current.error)}"]
         parts += [] if current.time is None else [f"{format_amount(current.time)} CPU s per s"]
         yield "current", "; ".join([*parts, *current.reasons[:1]])
@@ -156,7 +157,7 @@ def _describe_choice(report: TradeoffReport, chosen: Recommendation, title: str 
     error = "unknown" if chosen.error is None else format_amount(chosen.error)
     factor = format_amount(chosen.real_time_factor, "count")
     texts = [
-        settings_text(chosen.configuration, report.varying) or "as in the sweep",
+        settings_text(chosen.configuration, report.varying, report.units) or "as in the sweep",
         f"error {error}; {format_amount(chosen.time)} CPU s per s, {factor}x real time",
     ]
     if chosen.margins:
@@ -164,7 +165,7 @@ def _describe_choice(report: TradeoffReport, chosen: Recommendation, title: str 
             f"{name} {'unlimited' if each is None else format_amount(each)}"
             for name, each in chosen.margins.items()
         )
-        texts.append(f"margins: {', '.join(margins)}")
+        texts.append(f"margins (tolerance over worst value): {', '.join(margins)}")
     if chosen.equally_fast:
         texts.append(
             f"{len(chosen.equally_fast)} other configurations are as fast (within 5 %) and not "

@@ -112,10 +112,12 @@ def describe_examination(
         )
         for number, fix in enumerate(others, 2)
     ]
-    verified = next(filter(None, (fix.verification for fix in report.fixes)), None)
-    if details and verified is not None and verified.measures:
-        title = f"Verified: {verified.sentence}"
-        sections.append(Section((_verified_table(verified),), "verified", title, folded=True))
+    # Its result is with its fix.
+    verified = next((fix for fix in report.fixes if fix.verification is not None), None)
+    if details and verified and verified.verification and verified.verification.measures:
+        title = f"Measures before and after: {verified.name}"
+        table = _verified_table(verified.verification)
+        sections.append(Section((table,), "verified", title, folded=True))
     notes = report.notes if details_or_alone else ()
     sections.append(Section(tuple(map(Sentence, notes)), "notes"))
     sections.append(Section(tuple(map(Sentence, _list_next_steps(report))), "ends"))

@@ -13,6 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import StoreError
+from contactlab.measure.run_integrity import find_accepted
 from contactlab.palette import OTHERS_COLOUR
 from contactlab.schema.evidence import LabelFacts
 from contactlab.schema.vocabulary import Role
@@ -210,6 +211,13 @@ def tick_of(axis: GridAxis, value: object) -> int:
     value = 1e3 * value if axis.unit in _LARGER else value
     short, long = f"{value:.4g}", f"{value:.10g}"
     return axis.ticks.index(short if short in axis.ticks else long)
+
+
+def read_accepted_overlap(columns: RunColumns, row: int) -> str:
+    """Return why a contact of a stable run may be deep, as `accepted: ...`; empty if it is not."""
+    reason = columns.select_values(["label_reason"], [row])[0]["label_reason"]
+    accepted = find_accepted(reason or "")
+    return f"accepted: {accepted}" if accepted else ""
 
 
 def in_small_units(numbers: Floats, unit: str) -> tuple[Floats, str]:

@@ -25,7 +25,13 @@ from contactlab.rendering.document import (
 from contactlab.reporting.finding import write_finding, write_headline
 from contactlab.reporting.label_shares import ShareWords, share_words, stable_share
 from contactlab.reporting.map_axes import by_importance
-from contactlab.reporting.report_columns import GridAxis, RunLabels, read_axes, read_run_labels
+from contactlab.reporting.report_columns import (
+    GridAxis,
+    RunLabels,
+    read_accepted_overlap,
+    read_axes,
+    read_run_labels,
+)
 from contactlab.reporting.start_noise import distance_to_reality
 from contactlab.schema.drive import describe_drive, parse_drive
 from contactlab.store.finished_store import Store
@@ -90,9 +96,12 @@ def _result_sentences(
             ("backward_error", "numerical error", "%"),
         ):
             if name in columns.metric_columns and columns.has_finite(name):
-                most = float(np.nanmax(columns.numbers(name).values))
-                phrases.append(f"{what} at most {format_amount(most, unit)}")
-        yield "; ".join(phrases)
+                values = columns.numbers(name).values
+                row = int(np.nanargmax(values))
+                phrases.append(f"{what} at most {format_amount(float(values[row]), unit)}")
+                if name == "penetration_max":
+                    phrases.append(read_accepted_overlap(columns, row))
+        yield "; ".join(filter(None, phrases))
     if invalid.any():
         reasons = columns.arrow(["label_reason"])["label_reason"]
         most = Counter(reasons.take(np.flatnonzero(invalid)).to_pylist()).most_common(1)[0][0]

@@ -35,12 +35,16 @@ from contactlab.scene.scene import Scene
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import ERRORS, Accuracy, Timing
 from contactlab.schema.sweep_schema import TimingRequest
+from contactlab.step_progress import step_names
 from contactlab.store.controls_file import read_controls
 from contactlab.store.folder_backend import backend_at
 from contactlab.store.store_writer import StoreWriter
 from contactlab.store.table_layout import Column, as_ratios
 
 Row = Mapping[str, Any]
+_TIMES = "times"
+# Names of the passes over finished runs.
+_PHASES: Mapping[Purpose, str] = {"errors": "errors", "work": "counts of work"}
 
 
 @dataclass(frozen=True)
@@ -92,8 +96,10 @@ def run_passes(session: SweepSession) -> tuple[dict[str, dict[str, Any]], Sequen
         repeatable = session.repeatable_runs(lambda engine: isinstance(engine, SolvesReferences))
         runs = {run.run_id: run for run in repeatable}
         controls = {run_id: run.controls for run_id, run in runs.items()}
-        models = reference_models(session.scene, session.task.sweep, repeatable)
-        grouped = reference_families(models, session.scene, controls)
+        with step_names(1) as begin_step:
+            begin_step("preparing references")
+            models = reference_models(session.scene, session.task.sweep, repeatable)
+            grouped = reference_families(models, session.scene, controls)
         notes = results_of_pass(
             session, "errors", [tuple(map(runs.__getitem__, rows)) for rows in grouped]
         )
@@ -135,9 +141,9 @@ def _measure_times(
     runs, turns = _by_id(timed_runs), request.rounds * len(timed_runs)
     stored_times = notes_by_run(session.store.read_notes(), "times")
     if runs.keys() <= stored_times.keys():
-        session.begin(turns, turns)
+        session.begin(turns, turns, _TIMES)
     else:
-        session.begin(turns, 0)
+        session.begin(turns, 0, _TIMES)
         backend = backend_at(session.task.store, OutputError)
         controls = {
             run.run_id: read_controls(backend, run.controls) for run in timed_runs if run.controls
@@ -178,7 +184,7 @@ def results_of_pass(
     notes = notes_by_run(session.store.read_notes(), purpose)
     rest = [job for job in jobs if any(run.run_id not in notes for run in job)]
     runs = sum(map(len, jobs))
-    session.begin(runs, runs - sum(map(len, rest)))
+    session.begin(runs, runs - sum(map(len, rest)), _PHASES.get(purpose, ""))
     task = replace(session.task, purpose=purpose)
     for result in results_of(task, rest, session.executor, session.stop):
         crashed = isinstance(result, Crashed)

@@ -117,8 +117,14 @@ class Executor(Protocol):
         ...
 
 
-# Called with the total number of runs and the number already done; then with finished runs.
-BeginCallback = Callable[[int, int], None]
+class BeginCallback(Protocol):
+    """Called as runs, or a pass over them, begin."""
+
+    def __call__(self, total: int, done_count: int, phase: str = ..., /) -> None:
+        """Take the number of runs, that of finished ones, and the name of a pass."""
+
+
+# Called with finished runs.
 ProgressCallback = Callable[[Sequence[Finished]], None]
 
 

@@ -169,7 +169,7 @@ class Blocker(Model):
 class TradeoffReport(ReportModel):
     """Time and error over the knobs of a sweep, in its worst scenario and seed."""
 
-    schema_version: Literal[2] = 2
+    schema_version: Literal[3] = 3
     store: str
     sweep: str
     scene: str
@@ -178,6 +178,7 @@ class TradeoffReport(ReportModel):
         "Verdict on the model as written; null for a stored sweep.", default=None
     )
     knobs: tuple[str, ...]
+    units: dict[str, str] = about("SI units of knobs; 1 or empty for none.")
     scenarios: tuple[str, ...]
     insensitive_knobs: tuple[str, ...] = about("Knobs that change no error by more than 1 %.")
     runs_per_configuration: int = about("Scenarios times seeds of each configuration.")

@@ -197,11 +197,12 @@ class SimplifiedHulls(Model):
 class TuneReport(ReportModel):
     """From a model to recommended settings (`tune.json`). Units are SI."""
 
-    tune_version: Literal[6] = 6
+    tune_version: Literal[7] = 7
     model: str = about("As given.")
     scene_hash: str
     mujoco: str
     task: Task = about("The task that the model is judged on.")
+    fall: str = about("If the robot falls in the task: by how much and why; otherwise empty.")
     target: Target
     sentence: str = about("The result in a sentence.")
     target_met: bool = about("Whether the target is met, as written or as recommended.")
@@ -258,7 +259,7 @@ class TuneReport(ReportModel):
         "complete: nothing was left to try; work: the search did its share of counted work; time: "
         "the time limit ended it early, so that another run may have another result."
     )
-    max_time: float = about("Time limit [s], which the share of counted work follows from.")
+    max_cpu: float = about("Limit of CPU time [s], which the share of counted work follows from.")
     seconds: float = about("Wall time of the study.")
 
     @property

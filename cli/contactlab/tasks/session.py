@@ -18,7 +18,7 @@ from contactlab.plan.overrides import Overrides
 from contactlab.plan.sweep_file import read_sweep
 from contactlab.run.sweep_request import SceneLoader, SweepRequest
 from contactlab.run.sweep_runner import run_sweep
-from contactlab.run.tasks import Finished, Stop
+from contactlab.run.tasks import BeginCallback, Finished, Stop
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.atomic_files import atomic_write, write_errors
 from contactlab.store.finished_store import Store
@@ -41,8 +41,7 @@ class Session:
 
     folder: Path  # receives the stores of the study, each under its own name, and its reports
     workers: int = 0  # worker processes; 0 runs everything in this process
-    # Called when a sweep begins, with the number of its runs and of those already stored.
-    begin: Callable[[int, int], None] = _ignore
+    begin: BeginCallback = _ignore  # called when the runs of a sweep, or a pass over them, begin
     progress: Callable[[Sequence[Finished]], None] = _ignore  # called with runs as they finish
     # Called with a line of text, where there is something to tell before the report.
     notify: Callable[[str], None] = _ignore

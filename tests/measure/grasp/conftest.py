@@ -82,5 +82,5 @@ def _run(sweep: Path, store: Path, less: Sequence[str]) -> Rows:
     ask = read_request(
         sweep, sweep.stem, store, folder=sweep.parent, workers=0, overrides=overrides
     )
-    run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+    run_sweep(ask, lambda *_: None, lambda _finished: None)
     return pq.read_table(store / "runs.parquet").to_pylist()

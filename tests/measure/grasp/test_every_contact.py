@@ -33,7 +33,7 @@ axes: {{opening: [0.09], solref: ["0.005 1"]}}
 def swept(folder: Path, scene: str) -> dict[str, Any]:
     text = SWEEP.format(scene=scene)
     ask = read_request(text, "store", folder / "store", folder=folder, workers=0)
-    run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+    run_sweep(ask, lambda *_: None, lambda _finished: None)
     (row,) = pq.read_table(folder / "store" / "runs.parquet").to_pylist()
     return row
 

@@ -290,14 +290,44 @@ def test_a_summary_joins_changes_by_one_factor_and_names_new_sensors(tmp_path: P
     for name, factor, friction, added in (("one", 1, 1, ""), ("other", 1.01, 0.5, sensors)):
         values = (1 * factor, 1, 2 * factor, friction, 3 * factor, 1)
         (tmp_path / f"{name}.xml").write_text(text.format(bodies.format(*values), added))
+    halved, unchanged = (
+        "1 0.005 0.0001 -> 0.5 0.005 0.0001 (50 %)",
+        "1, as before, by the other geom",
+    )
     said, quantities = summarize_changes(*(str(tmp_path / f"{n}.xml") for n in ("one", "other")))
     assert said == [
         "3 bodies: mass x1.01",
         "3 bodies: inertia x1.01",
-        "geom 'geom[1]': friction 1 0.005 0.0001 -> 0.5 0.005 0.0001 (50 %)",
+        f"geom 'geom[1]': friction {halved}; sliding friction in contact: {unchanged}",
         "2 sensors are new: p, t",
     ]
     assert quantities == {"mass", "inertia", "friction", "type"}
+
+
+@pytest.mark.parametrize(
+    ("floor", "foot", "said"),
+    [
+        # The larger friction of two geoms acts, or that of the higher priority.
+        ('friction="1"', 'friction="1.03"', ": 1 -> 1.03"),
+        ('friction="2"', 'friction="1.03"', ": 2, as before, by the other geom"),
+        ('friction="2" priority="1"', 'friction="1.03"', ": 2, as before, by the other geom"),
+        ('friction="2" priority="-1"', 'friction="1.03"', None),
+        ('friction=".5"', 'friction="1.03"', None),
+    ],
+)
+def test_a_change_of_friction_is_that_of_contacts(
+    tmp_path: Path, floor: str, foot: str, said: str | None
+) -> None:
+    text = (
+        '<mujoco><worldbody><geom type="plane" size="1 1 .1" {}/>'
+        '<body><freejoint/><geom name="foot" size=".1" {}/></body></worldbody></mujoco>'
+    )
+    for name, own in (("one", 'friction=".8"'), ("other", foot)):
+        (tmp_path / f"{name}.xml").write_text(text.format(floor, own))
+    (sentence,), _ = summarize_changes(*(str(tmp_path / f"{n}.xml") for n in ("one", "other")))
+    of_geom, _, in_contact = sentence.partition("; sliding friction in contact")
+    assert of_geom.endswith("0.8 0.005 0.0001 -> 1.03 0.005 0.0001 (29 %)")
+    assert in_contact == (said or "")
 
 
 def test_the_order_of_unnamed_geoms_changes_nothing() -> None:

@@ -63,7 +63,7 @@ def test_verdicts_are_the_same_on_a_machine_that_is_busy(
         disturb_clock(monkeypatch, name, 1, 1.0, 20.0)
     (tmp_path / "shed.xml").write_text(SHED)
     task = read_task_options(drive="none", duration="0.2s")
-    request = EffectsRequest(str(tmp_path / "shed.xml"), task=task, max_time=3600.0)
+    request = EffectsRequest(str(tmp_path / "shed.xml"), task=task, max_cpu=3600.0)
     busy = study_effects(request, Session(tmp_path / "out", workers=0))
     rows = [
         {(one.name, one.verdict, one.error, one.can_go) for one in report.effects}

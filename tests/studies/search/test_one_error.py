@@ -99,7 +99,7 @@ def test_each_command_says_the_same_of_the_model_and_of_the_recommendation(
     task = read_task_options(duration="0.3s")
     model = write_model(name, tmp_path)
     folder = tmp_path / "tuned"
-    report = tune_model(TuneRequest(model, task=task, max_time=30.0), Session(folder))
+    report = tune_model(TuneRequest(model, task=task, max_cpu=30.0), Session(folder))
     budget = budget_of(model, tmp_path, task)
     own = [point for point in report.front if "as written" in point.marks]
     assert [point.error for point in own] == [error_of(budget)] == [report.current.error]

@@ -58,6 +58,7 @@ def asked(tmp_path: Path) -> TuneRequest:
         scene_hash=examined.scene.hash,
         mujoco=VERSION,
         task=examined.task,
+        fall="",
         target=Target(
             kind="error",
             limit=0.02,
@@ -100,7 +101,7 @@ def asked(tmp_path: Path) -> TuneRequest:
         trials=1,
         planned_trials=2,
         ended="complete",
-        max_time=120.0,
+        max_cpu=120.0,
         seconds=1.0,
     )
     written = tmp_path / "before" / "tuned" / "tuned.xml"
@@ -154,7 +155,7 @@ def test_another_model_and_lost_files_and_short_times_are_no_answer(
     # A search that its work ended may find more with more of it.
     (before / REPORT).write_text(stored.replace('"ended":"complete"', '"ended":"work"'))
     assert found(asked, tmp_path)
-    assert found(replace(asked, max_time=240.0), tmp_path) is None
+    assert found(replace(asked, max_cpu=240.0), tmp_path) is None
     (before / REPORT).write_text(stored)
     (before / "tuned" / "tuned.xml").unlink()
     assert found(asked, tmp_path) is None
@@ -202,7 +203,7 @@ def test_what_no_time_was_left_to_judge_is_not_told_to_be_kept(
     kept = (*kept, SkippedSetting(name="tuned", reason=UNVERIFIED))
     assert sentence_of(report.model_copy(update={**ended, "not_changed": kept})) == (
         "Numerical error is 1 %. No time was left to verify a candidate that may be "
-        "faster: timestep 0.008, x0.25 work. Allow more with --max-time."
+        "faster: timestep 0.008, x0.25 work. Allow more with --max-cpu."
     )
 
 
@@ -218,7 +219,7 @@ def test_what_may_keep_the_aim_is_told_apart_from_what_failed(
     told = sentence_of(report.model_copy(update={**missed, "not_changed": kept}))
     assert told.endswith(
         "No time was left to verify a candidate for the target of 2 %: timestep 0.001, "
-        "error 1.5 % at x2 work. Allow more with --max-time."
+        "error 1.5 % at x2 work. Allow more with --max-cpu."
     )
     told = sentence_of(report.model_copy(update=missed))
     assert told.endswith(
@@ -235,7 +236,7 @@ def test_what_may_keep_the_aim_is_told_apart_from_what_failed(
     assert told == (
         "Numerical error is 50 %, above the tolerance of 10 %. No time was left to "
         "verify a candidate that may be within the tolerance: timestep 0.001, x2 work. "
-        "Allow more with --max-time."
+        "Allow more with --max-cpu."
     )
     told = sentence_of(report.model_copy(update=missed))
     assert told == (

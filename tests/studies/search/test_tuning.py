@@ -42,7 +42,7 @@ SHORT = read_task_options(drive="none", duration="0.4s")
 def tuned(text: str, folder: Path, **asked: Any) -> TuneReport:
     path = folder / "robot.xml"
     path.write_text(text)
-    options: dict[str, Any] = {"task": SHORT, "max_time": 60.0, **asked}
+    options: dict[str, Any] = {"task": SHORT, "max_cpu": 60.0, **asked}
     return tune_model(TuneRequest(str(path), **options), Session(folder / "out"))
 
 
@@ -82,7 +82,7 @@ def test_needless_steps_go_and_lines_that_save_nothing_stay(tmp_path: Path) -> N
 def test_a_gripper_keeps_its_contacts_without_an_object(tmp_path: Path) -> None:
     """Without its pads' contacts its motion is the same, bit for bit, but it holds nothing."""
     (tmp_path / "jaws.xml").write_text(BARE_JAWS)
-    request = TuneRequest(str(tmp_path / "jaws.xml"), task=SHORT, max_time=60.0)
+    request = TuneRequest(str(tmp_path / "jaws.xml"), task=SHORT, max_cpu=60.0)
     examined = open_model(request.model, Session(tmp_path / "out"), SHORT)
     problem = TuningProblem(request, examined, 1, TimeLimit(60.0))
     assert problem.unused.masked == ()
@@ -177,7 +177,7 @@ def test_a_slow_and_noisy_machine_gets_the_same_files(
                 disturb_clock(monkeypatch, name, seed, 1.0, 20.0)
         path = folder / "robot.xml"
         path.write_text(TUMBLING)
-        request = TuneRequest(str(path), task=SHORT, max_time=3600.0)
+        request = TuneRequest(str(path), task=SHORT, max_cpu=3600.0)
         report = tune_model(request, Session(folder / "out", workers=2 - 2 * seed))
         files = sorted((folder / "out" / "tuned").rglob("*"))
         found.append({each.name: each.read_bytes() for each in files if each.is_file()})

@@ -32,7 +32,7 @@ TASK = Task(
 
 def _plan(folder: Path, seconds: float) -> TuningProblem:
     (folder / "ball.xml").write_text(BALL)
-    request = TuneRequest(str(folder / "ball.xml"), max_time=seconds)
+    request = TuneRequest(str(folder / "ball.xml"), max_cpu=seconds)
     checked = open_model(request.model, Session(folder / "out"))
     return TuningProblem(request, checked, 1, TimeLimit(seconds))
 

@@ -87,7 +87,7 @@ function chartSpec(columns, evaluated, limits) {
   spec.title.subtitle[0] = spec.title.subtitle[0].replace(/^\d+/, fit);
   for (const layer of spec.layer) {
     const { name } = layer.data;
-    if (name.startsWith("labels")) layer.data.values = labelRows(layer.data.values, points, values.chosen, name);
+    if (name.startsWith("labels")) layer.data.values = labelRows(layer.data.values, points, values.chosen);
     if (name in values) layer.data.values = values[name];
     for (const row of layer.data.values) {
       if (row.state && row.state !== "failed") row.state = evaluated.feasible[row.place] ? "within tolerance" : "beyond tolerance";
@@ -97,16 +97,17 @@ function chartSpec(columns, evaluated, limits) {
 }
 
 // A point with a ring is labelled beside the ring; one that lost its ring gets its label back.
-function labelRows(rows, points, rings, name) {
+function labelRows(rows, points, rings) {
   const before = rowsNamed(metadata.specs.tradeoff, "chosen").map((row) => row.place);
   const apart = new Set(rings.map((row) => row.place));
-  const back = name.endsWith("right") ? points.filter((row, index) =>
-    before.includes(row.place) && points.findIndex((each) => each.place === row.place) === index) : [];
+  const back = points.filter((row, index) =>
+    before.includes(row.place) && points.findIndex((each) => each.place === row.place) === index)
+    .map((row) => ({ ...row, align: "left", dx: 8, dy: -9 }));
   return [...rows, ...back].filter((row) => !apart.has(row.place));
 }
 
 function ringRows(points, evaluated, [least, most]) {
-  const rings = [["recommended", evaluated.recommended], [`margin ${metadata.tradeoff.safeMargin}`, evaluated.robust]];
+  const rings = [["recommended", evaluated.recommended], [`margins >= ${metadata.tradeoff.safeMargin}`, evaluated.robust]];
   const found = rings.filter(([, place], index) => place !== null && (index === 0 || place !== evaluated.recommended));
   const rows = found.flatMap(([name, place]) => {
     const row = points.find((each) => each.place === place);
@@ -126,6 +127,13 @@ function ringRows(points, evaluated, [least, most]) {
 }
 
 const setting = (value) => (value === null ? "as in the scene" : Array.isArray(value) ? value.join(" ") : String(value));
+
+// Below 1 s or 1 m in ms or mm, as the recommendation of the report.
+function settingWithUnit(value, unit) {
+  if (typeof value !== "number" || !unit || unit === "1") return setting(value);
+  const small = { s: "ms", m: "mm" }[unit];
+  return small && Math.abs(value) < 1 ? `${Number((1e3 * value).toPrecision(6))} ${small}` : `${value} ${unit}`;
+}
 
 function configurationOf(place) {
   return metadata.tradeoff.knobs.map((knob, index) => [knob, setting(metadata.tradeoff.configurations[place][index])]);
@@ -157,10 +165,12 @@ function recommendationOf(columns, evaluated, limits) {
 }
 
 function robustText(columns, evaluated) {
-  const margin = `a margin of ${metadata.tradeoff.safeMargin} to every tolerance`;
-  if (evaluated.robust === null) return `No configuration keeps ${margin}.`;
-  if (evaluated.robust === evaluated.recommended) return `It keeps ${margin}.`;
+  const least = `at least ${metadata.tradeoff.safeMargin}`;
+  if (evaluated.robust === null) return `No configuration has all margins ${least}.`;
+  if (evaluated.robust === evaluated.recommended) return `All margins are ${least}.`;
   const ratio = columns.time[evaluated.robust] / columns.time[evaluated.recommended];
-  const values = configurationOf(evaluated.robust).map(([name, value]) => `${name} ${value}`).join(", ");
-  return `A${margin.slice(1)} costs ${number(ratio)} x the time: ${values}.`;
+  const { knobs, units, configurations } = metadata.tradeoff;
+  const values = knobs.map((knob, index) =>
+    `${knob} ${settingWithUnit(configurations[evaluated.robust][index], units[knob])}`).join(", ");
+  return `All margins ${least} cost x${number(ratio)} time: ${values}.`;
 }

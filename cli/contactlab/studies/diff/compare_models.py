@@ -1,6 +1,6 @@
 """Compares two models: their shared parts, the quantities of these, and their motion."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 import mujoco
@@ -87,7 +87,8 @@ def summarize_changes(before: str, after: str) -> tuple[list[str], set[str]]:
     except ContactlabError as error:
         return [f"the model; it cannot be compared here: {error}"], set()
     alike = dict[tuple[str, ...], list[Difference]]()
-    for changes in find_differences(one, other):
+    matched_parts = match_parts(one, other)
+    for changes in find_differences(one, other, matched_parts=matched_parts):
         factor = _common_factor(changes.before, changes.after)
         change = (factor,) if factor else (changes.before, changes.after)
         if not all(change):
@@ -98,16 +99,62 @@ def summarize_changes(before: str, after: str) -> tuple[list[str], set[str]]:
     sentences = list[str]()
     for (kind, quantity, _, *change), changes in alike.items():
         parts = f"{len(changes)} {OBJECT_LISTS.get(kind, f'{kind}s')}"
+        in_contact = ""
+        if (kind, quantity) == ("geom", "friction") and changes[0].before and changes[0].after:
+            geoms = {each.name for each in changes}
+            in_contact = _describe_contact_friction(one, other, matched_parts, geoms)
         if len(changes) == 1:
-            sentences.append(changes[0].sentence)
+            sentences.append(changes[0].sentence + in_contact)
         elif not (changes[0].before and changes[0].after):
             names = ", ".join(each.name for each in changes[:3]) + ", ..." * (len(changes) > 3)
             sentences.append(f"{parts} are {change[0]}: {names}")
         elif len({(each.before, each.after) for each in changes}) == 1:
-            sentences.append(changes[0].model_copy(update={"kind": parts, "name": ""}).sentence)
+            shared_change = changes[0].model_copy(update={"kind": parts, "name": ""})
+            sentences.append(shared_change.sentence + in_contact)
         else:
-            sentences.append(f"{parts}: {quantity} x{change[0]}")
+            sentences.append(f"{parts}: {quantity} x{change[0]}{in_contact}")
     return sentences, {quantity for _, quantity, *_ in alike}
+
+
+def _describe_contact_friction(
+    one: mujoco.MjModel, other: mujoco.MjModel, matched_parts: MatchedParts, names: Collection[str]
+) -> str:
+    # Empty if it changes as the friction of these geoms does. A contact has the larger friction of
+    # its two geoms, or that of the higher priority. A <pair> element has a friction of its own.
+    matches = np.array(matched_parts.both["geom"]).reshape(-1, 2)
+    rows = [row for row, (geom, _) in enumerate(matches) if name_of(one, "geom", geom) in names]
+    touch = touch_mask(one, listed=False)[np.ix_(matches[rows, 0], matches[:, 0])]
+    touch &= touch_mask(other, listed=False)[np.ix_(matches[rows, 1], matches[:, 1])]
+    if not touch.any():
+        return ""
+    before, after = (
+        _contact_frictions(model, geoms[rows], geoms)[touch]
+        for model, geoms in ((one, matches[:, 0]), (other, matches[:, 1]))
+    )
+    if np.array_equal(before, after):
+        return f"; {_SLIDING}: {_format_range(before)}, as before, by the other geom"
+    own = [
+        np.broadcast_to(model.geom_friction[geoms, :1], touch.shape)[touch]
+        for model, geoms in ((one, matches[rows, 0]), (other, matches[rows, 1]))
+    ]
+    if np.array_equal(before, own[0]) and np.array_equal(after, own[1]):
+        return ""
+    return f"; {_SLIDING}: {_format_range(before)} -> {_format_range(after)}"
+
+
+_SLIDING = "sliding friction in contact"
+
+
+def _contact_frictions(model: mujoco.MjModel, geoms: np.ndarray, others: np.ndarray) -> np.ndarray:
+    own, their = model.geom_friction[geoms, :1], model.geom_friction[others, 0]
+    rank, other_rank = model.geom_priority[geoms, None], model.geom_priority[others]
+    by_priority = np.where(rank > other_rank, own, their)
+    return np.where(rank == other_rank, np.maximum(own, their), by_priority)
+
+
+def _format_range(values: np.ndarray) -> str:
+    low, high = f"{values.min():.4g}", f"{values.max():.4g}"
+    return low if low == high else f"{low} to {high}"
 
 
 def _common_factor(before: str, after: str) -> str:

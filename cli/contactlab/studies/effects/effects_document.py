@@ -46,7 +46,7 @@ def describe_effects(report: EffectsReport, *, folder: Path | None = None) -> Do
     blocks += map(Sentence, _list_sentences(report, shown_parts))
     blocks += _describe_smaller(report, folder)
     if report.timed_out:
-        blocks.append(Sentence("The time limit was reached; raise it with --max-time."))
+        blocks.append(Sentence("The CPU limit was reached; raise it with --max-cpu."))
     if folder:
         blocks.append(Sentence(f"{REPORT} in {folder}"))
     return document_of(blocks)

@@ -29,7 +29,7 @@ class EffectsRequest:
         source: a model, a scene, or a sweep file.
         assign: settings, `NAME=VALUE` each.
         task: options that replace parts of the task; of its limits, only the tolerance.
-        max_time: limit of CPU time [s].
+        max_cpu: limit of CPU time [s].
         keep: names of features and parts that stay.
         far_distance: collisions of bodies that stayed this far apart may go [m]; None to offer it.
         write: file of the smaller model; by default it is in the session's folder.
@@ -38,7 +38,7 @@ class EffectsRequest:
     source: str
     assign: Sequence[str] = ()
     task: TaskOptions = AS_INFERRED
-    max_time: float = 120.0
+    max_cpu: float = 120.0
     keep: Sequence[str] = ()
     far_distance: float | None = None
     write: Path | None = None

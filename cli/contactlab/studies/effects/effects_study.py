@@ -64,7 +64,7 @@ def study_effects(request: EffectsRequest, session: Session) -> EffectsReport:
         EngineError: nothing moves, or another engine is requested.
         OutputError: the folder cannot be written, or has another model's results.
     """
-    begin, allowed = time.monotonic(), TimeLimit(request.max_time)
+    begin, allowed = time.monotonic(), TimeLimit(request.max_cpu)
     if request.task.limits:
         name = next(iter(request.task.limits))
         raise SweepFileError(f"--tolerance {name}=: write a share of the real forces, as 5%")
@@ -148,13 +148,13 @@ class EffectsStudy:
         self.scenarios = scenarios
         examined = scenarios.models[0]
         timing_share = 0.05  # of the time limit, that close rounds may take
-        self._timing_seconds = timing_share * request.max_time
+        self._timing_seconds = timing_share * request.max_cpu
         self._examined, self._allowed = examined, allowed
         self.runs = OriginalRuns()
         self.base = with_flags(
             compile_changed(examined, ModelEdits()), unused_flags(examined.scene.source.model)
         )
-        motions, stride = _plan_work(scenarios.motions, request.max_time)
+        motions, stride = _plan_work(scenarios.motions, request.max_cpu)
         loaded_motions = [*motions, *map(tilt_gravity, motions), *map(double_inputs, motions)]
         reference = TaskReference.run_references(loaded_motions, 1, examined.threads, stride)
         reference = reference.complete_phases()
@@ -175,7 +175,7 @@ class EffectsStudy:
             with_masks=not needs_masks(examined, self.runs.grips),
             far=request.far_distance,
             limits=ComparisonLimits(
-                offers_far=seconds < 0.01 * request.max_time,  # as long as one part may take
+                offers_far=seconds < 0.01 * request.max_cpu,  # as long as one part may take
                 is_late=lambda: allowed.elapsed > comparing_share * allowed.seconds,
             ),
         )
@@ -254,14 +254,14 @@ class EffectsStudy:
             return None
 
 
-def _plan_work(motions: Sequence[Motion], max_time: float) -> tuple[list[Motion], int]:
+def _plan_work(motions: Sequence[Motion], max_cpu: float) -> tuple[list[Motion], int]:
     # As many seeds as the counted time of one core allows, then fewer windows. Whole runs show
     # all motion; they are made ten to thirty times, and have no fewer steps for that.
     steps = 3 * sum(motion.steps for motion in motions)  # unchanged, tilted, doubled
     seconds = steps * count_pace(motions)
     pass_share = 0.01  # of the time limit, for one part on average; models have 20 to 50 parts
     most_stride = 8  # at least one in this many windows is used
-    allowed = pass_share * max_time
+    allowed = pass_share * max_cpu
     most = min(motion.seeds for motion in motions)
     seeds = min(most, max(1, int(2 * allowed / seconds)))
     stride = min(most_stride, max(1, math.ceil(seeds * seconds / allowed)))

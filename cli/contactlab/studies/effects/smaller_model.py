@@ -193,7 +193,7 @@ class SmallerSearch:
         if share < 1:
             shortenings.append(f"runs of {share * task.duration:.2g} s for {task.duration:g} s")
         return (
-            f"; {' and '.join(shortenings)}, since --max-time allows no more" if shortenings else ""
+            f"; {' and '.join(shortenings)}, since --max-cpu allows no more" if shortenings else ""
         )
 
     def _verify_model(self, changed: CheckedModel) -> tuple[VerifiedChange | None, str, bool]:
@@ -264,5 +264,5 @@ def describe_result(smaller: SmallerModel | None, search: SmallerSearch) -> str:
         noise = ", which is within noise" if ratio.low <= 1 <= ratio.high else ""
         return f"The smaller model, without {names}, takes {ratio.text} of the time{noise}"
     if search.is_late:
-        return "No smaller model: the time limit ended its verification"
+        return "No smaller model: the CPU limit ended its verification"
     return f"No smaller model: no set of parts saves more than {LEAST_SAVING:.0%}"

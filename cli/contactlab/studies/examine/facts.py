@@ -3,7 +3,7 @@
 They are not judged, since they may be intended. Numbers have units that people use.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import mujoco
@@ -13,6 +13,7 @@ from contactlab.budget.force_places import contact_name
 from contactlab.budget.motion import INTEGRATION, Motion
 from contactlab.budget.windows import Run, joint_name, replay
 from contactlab.contact.trace_arrays import Floats
+from contactlab.measure.run_integrity import find_accepted
 from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.rendering.amounts import format_digits, format_percent
 from contactlab.scene.body_inertia import in_words, inertia_faults
@@ -22,6 +23,7 @@ from contactlab.scene.part_bodies import is_mocap_driven
 from contactlab.schema.examination import Fact
 from contactlab.studies.examine.masked_passages import MaskedPassages
 from contactlab.studies.lint.static_equilibrium import MANY_WEIGHTS, find_pressing
+from contactlab.tasks.checked_model import CheckedModel
 
 _PYRAMIDAL = int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
 _DEEP = 0.05  # of half the thinner geom, a range or a body's size, up to which a start is ordinary
@@ -81,6 +83,19 @@ def facts(motions: Sequence[Motion], begins: Sequence[float]) -> tuple[Fact, ...
         *_of_equalities(motions[0], gaps),
         *pressing,
     )
+
+
+def explain_depth(found: Iterable[Fact], examined: CheckedModel) -> Iterator[Fact]:
+    """Yield facts, the one of depth with the reason why the labels of runs accept an overlap."""
+    records = [run.record for run in examined.runs] if examined.has_run else []
+    reasons = (find_accepted(label.reason) for record in records for label in record.labels)
+    accepted = next(filter(None, reasons), "")
+    for fact in found:
+        if fact.kind == "depth" and accepted:
+            sentence = f"{fact.sentence}; accepted: {examined.name_geoms(accepted)}"
+            yield fact.model_copy(update={"sentence": sentence})
+        else:
+            yield fact
 
 
 def _measure_contacts(

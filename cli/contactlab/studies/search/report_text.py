@@ -12,7 +12,7 @@ from contactlab.studies.search.settings_search import EQUAL_ERROR_RATIO
 UNVERIFIED = "no time was left to verify the next candidate"
 """Why the search ended without a verdict."""
 _NOT_VERIFIED = "No time was left to verify"
-_MORE_TIME = "Allow more with --max-time."
+_MORE_TIME = "Allow more with --max-cpu."
 
 
 def error_text(error: float | None, unit: str, tolerance: float = math.inf) -> str:
@@ -194,6 +194,6 @@ def ending_text(report: TuneReport) -> str:
         case "complete":
             return f"{count}; nothing was left to try"
         case "work":
-            return f"{count}; ended by the work that {report.max_time:g} s allow"
+            return f"{count}; ended by the work that {report.max_cpu:g} s allow"
         case "time":
             return f"ended early after {report.trials} of {report.planned_trials} trials"

@@ -61,7 +61,7 @@ def _is_same_question(request: TuneRequest, report: TuneReport) -> bool:
         reductions["hulls"] = report.simplified_hulls.max_distance
     if report.removed_sensors:
         reductions["sensors"] = None
-    same_work = report.ended == "complete" or report.max_time == request.max_time
+    same_work = report.ended == "complete" or report.max_cpu == request.max_cpu
     return (
         report.ended != "time"
         and same_work

@@ -67,6 +67,8 @@ def describe_tuning(report: TuneReport, *, folder: Path | None = None) -> Docume
 
 def _list_facts(report: TuneReport) -> Iterator[tuple[str, str]]:
     target = report.target
+    if report.fall:
+        yield "drive", report.fall
     yield "target", _target_text(report)
     if target.unit == "1":
         yield (
@@ -114,9 +116,9 @@ def _front_notes(report: TuneReport) -> Iterator[str]:
     if len(report.front) < few_points:
         reason = f"no other of {report.trials} candidates is distinctly faster or more accurate"
         if report.ended == "time":
-            reason = "the time limit ended the search; allow more with --max-time"
+            reason = "the CPU limit ended the search; allow more with --max-cpu"
         elif report.ended == "work":
-            reason = f"{report.max_time:g} s allow no more work; allow more with --max-time"
+            reason = f"{report.max_cpu:g} s allow no more work; allow more with --max-cpu"
         yield f"Few points: {reason}."
 
 

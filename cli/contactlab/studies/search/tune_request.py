@@ -21,7 +21,7 @@ class TuneRequest:
         real_time: if given, find the most accurate settings at this multiple of real time.
         observed: bodies, sites and sensors of a forward error.
         error_at: when the forward error is measured; None for the error budget.
-        max_time: limit of CPU time [s].
+        max_cpu: limit of CPU time [s].
         pick: number of a point of the front to write and verify.
         apply: reductions without a proof, by name, with their distance [m] if they have one.
     """
@@ -32,7 +32,7 @@ class TuneRequest:
     real_time: float | None = None
     observed: Sequence[str] = ()
     error_at: ErrorTime | None = None
-    max_time: float = 120.0
+    max_cpu: float = 120.0
     pick: int | None = None
     apply: Mapping[ReductionName, float | None] = field(
         default_factory=dict[ReductionName, float | None]

@@ -44,6 +44,7 @@ from contactlab.schema.tune_report import (
 )
 from contactlab.step_progress import step_names
 from contactlab.store.table_layout import axis_cell
+from contactlab.studies.examine.standing_starts import list_falls
 from contactlab.studies.search.configuration import (
     INTEGRATOR,
     Configuration,
@@ -102,7 +103,7 @@ def tune_model(
         ExpectationError: a forward error is requested for a chaotic motion.
         OutputError: the folder cannot be written, or has another model's results.
     """
-    allowed = TimeLimit(request.max_time, spent)
+    allowed = TimeLimit(request.max_cpu, spent)
     refuse_contradictions(request)
     session = replace(session, folder=session.folder.resolve())
     examined = open_model(request.model, session, request.task)
@@ -279,6 +280,7 @@ class TuningStudy:
             scene_hash=self._problem.examined.scene.hash,
             mujoco=VERSION,
             task=self._problem.judged.task,
+            fall="".join(fact.sentence for fact in list_falls(self._problem.motions[0], ())),
             target=self._target,
             sentence="",
             target_met=is_met,
@@ -324,7 +326,7 @@ class TuningStudy:
             trials=len(search.evaluations),
             planned_trials=max(len(search.evaluations), search.trials * len(self._goals)),
             ended=_join_endings(search.ending, verifier.ending),
-            max_time=self._request.max_time,
+            max_cpu=self._request.max_cpu,
             seconds=time.monotonic() - self._begin,
         )
         return report.model_copy(update={"sentence": sentence_of(report)})

@@ -276,7 +276,7 @@ class TuningProblem:
     @property
     def _searched_seconds(self) -> float:
         # The numerical errors of the model as written and of the recommended one come first.
-        seconds, least_share = self._request.max_time, 0.5
+        seconds, least_share = self._request.max_cpu, 0.5
         errors = 2 * len(self.judged.task.seeds) * self._count_error_seconds(energy=True)
         return max(least_share * seconds, seconds - errors)
 
@@ -430,7 +430,7 @@ class TuningProblem:
             self.motions = [
                 first_seeds(motion, seeds) for motion in self.examined.motions_of(self.task)
             ]
-            reason = f"runs of {share * whole:.2g} of {whole:g} s; --max-time allows no more"
+            reason = f"runs of {share * whole:.2g} of {whole:g} s; --max-cpu allows no more"
             self._skip_part("length", reason)
         allowed = _RULES.count_share * self.work / _RULES.search_passes
         samples = int(allowed / (self.cost.sample_seconds * len(self.motions)))
@@ -444,7 +444,7 @@ class TuningProblem:
         if length != full_length:
             reasons.append(f"{length} of {full_length} s")
         if reasons:
-            reason = f"it compared {' and '.join(reasons)}; --max-time allows no more"
+            reason = f"it compared {' and '.join(reasons)}; --max-cpu allows no more"
             self._skip_part("verification", reason)
 
     @property
@@ -556,11 +556,11 @@ class TuningProblem:
         )
         if allowed < finer:
             reason = f"the reference uses {allowed} substeps, the error needs {finer}"
-            self._skip_part("reference", f"{reason}; --max-time allows no more")
+            self._skip_part("reference", f"{reason}; --max-cpu allows no more")
         if seeds < (all_seeds := len(self.examined.task.seeds)):
-            self._skip_part("seeds", f"{seeds} of {all_seeds} were used; --max-time allows no more")
+            self._skip_part("seeds", f"{seeds} of {all_seeds} were used; --max-cpu allows no more")
         if self._window_stride > 1:
-            reason = f"one in {self._window_stride} was used; --max-time allows no more"
+            reason = f"one in {self._window_stride} was used; --max-cpu allows no more"
             self._skip_part("windows", reason)
         return min(finer, allowed)
 
