@@ -78,6 +78,11 @@ def test_a_key_of_the_file_is_replaced(read: Reader, option: str, key: str, valu
     assert getattr(read(BODY, assign=[option]).sweep, key) == value
 
 
+def test_a_tolerance_of_an_error_may_have_a_unit(read: Reader) -> None:
+    options = ["accuracy.refine=8", "tolerances.error_final=2 mm"]
+    assert read(BODY, assign=options).sweep.tolerances == {"error_final": 0.002}
+
+
 def test_a_replaced_mistake_is_gone(read: Reader) -> None:
     read("axes: {timestep: [oops]}\nseeds: x", assign=["timestep=1", "seeds=1"])
 

@@ -263,12 +263,13 @@ def chart_specification(
 
 def _chart_layers(report: TradeoffReport, data: ChartData) -> Iterator[alt.Chart]:
     unit = f" [{report.error.unit}]" if report.error.unit not in {"", "1", "any"} else ""
+    runs = report.runs_per_configuration
     source = "" if report.time.source == "timing" else " (while recording)"
     x = alt.X("time:Q").scale(type="log", domain=data.frame.time, nice=False)
     y = alt.Y("error:Q").scale(type="log", domain=data.frame.error, nice=False)
     x = x.axis(title=f"CPU seconds per simulated second{source}", format="~g")
     y = y.axis(
-        title=f"{report.error.name}{unit}, worst of {report.runs_per_configuration} runs",
+        title=f"{report.error.name}{unit}, worst of {runs} run{'s' * (runs != 1)}",
         labelExpr=_TICK_LABEL,
     )
     colour = _method_channel(data, alt.Color, [*COLOURS[: len(data.methods)], OTHERS_COLOUR])

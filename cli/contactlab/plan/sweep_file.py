@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import TypeVar, cast
 
 from pydantic import BaseModel, ValidationError
 
@@ -24,6 +24,7 @@ from contactlab.plan.sampled_shares import check_until
 from contactlab.plan.search import check_choices, check_search, write_out_searched
 from contactlab.plan.validation import Draft, add_validation_errors, read_draft
 from contactlab.plan.yaml_document import Document, open_document, read_document, read_text
+from contactlab.schema.evidence import ERRORS, Accuracy
 from contactlab.schema.sweep_schema import Sweep, effect_switches, scene_reference
 from contactlab.schema.vocabulary import Vocabulary
 
@@ -76,6 +77,8 @@ def _unit_of(document: Document, vocabulary: Callable[[str], Vocabulary], axis: 
 
 
 def _unit_of_metric(document: Document, vocabulary: Callable[[str], Vocabulary], name: str) -> str:
+    if name in ERRORS:
+        return cast("dict[str, str]", Accuracy.model_fields[name].json_schema_extra)["unit"]
     names = _read_vocabulary(document, vocabulary)
     return names.units.get(name, "") if names else ""
 
