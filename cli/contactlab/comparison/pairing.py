@@ -280,9 +280,8 @@ class PairedStores:
         name = "trajectory_hash"
         if self.pairing.is_in_order:
             return equal_texts(self.baseline.columns, self.candidate.columns, name)
-        before, after = for_both(
-            lambda side: side[0].columns.byte_strings(name)[side[1]], self.sides
-        )
+        # One after the other: the texts of many runs fill memory.
+        before, after = (store.columns.byte_strings(name)[rows] for store, rows in self.sides)
         return (before == after) & (before != b"")
 
     @cached_property
