@@ -225,7 +225,7 @@ class Sweeper:
         self.began: list[tuple[int, int]] = []
         return run_sweep(
             replace(self.ask(text, name, workers), repair=repair),
-            begin=lambda total, done: self.began.append((total, done)),
+            begin=lambda total, done, *_: self.began.append((total, done)),
             progress=progress,
         )
 
