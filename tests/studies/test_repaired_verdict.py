@@ -4,6 +4,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import mujoco
 import pytest
 
 import contactlab
@@ -112,3 +113,48 @@ def test_a_requested_fix_that_is_not_written_ends_with_2() -> None:
     plain = report.model_copy(update={"not_written": ""})
     assert isinstance(failure_of(plain, {}), ExpectationError)
     assert failure_of(plain.model_copy(update={"verdict": "ok"}), {}) is None
+
+
+# Two jaws that are driven closed without a limit of force, and a box between them.
+_PRESS = """<mujoco><option timestep=".002"{noslip}/><worldbody><body name="hand" pos="0 0 .3">
+<geom type="box" size=".02 .06 .01" pos="0 0 .05" mass=".4"/>
+<body name="a" pos="0 .05 0"><joint name="a" type="slide" axis="0 -1 0" range="0 .05" damping="5"/>
+<geom type="box" size=".01 .005 .03" mass=".05"/></body>
+<body name="b" pos="0 -.05 0"><joint name="b" type="slide" axis="0 1 0" range="0 .05" damping="5"/>
+<geom type="box" size=".01 .005 .03" mass=".05"/></body></body>
+<body name="box" pos="0 0 .29"><freejoint/><geom type="box" size=".02 .02 .02" mass=".05"/></body>
+</worldbody><actuator>
+<position name="a" joint="a" kp="18000" ctrlrange="0 .05"{force}/>
+<position name="b" joint="b" kp="18000" ctrlrange="0 .05"{force}/></actuator>
+<keyframe><key name="closed" qpos=".0249 .0249 0 0 .29 1 0 0 0" ctrl=".05 .05"/></keyframe>
+</mujoco>"""
+
+
+def drop_box(xml: str) -> float:
+    """Return how far the box of a held keyframe sinks in 8 s [m]."""
+    model = mujoco.MjModel.from_xml_string(xml)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    while data.time < 8:
+        mujoco.mj_step(model, data)
+    return 0.29 - float(data.body("box").xpos[2])
+
+
+@pytest.mark.night
+def test_a_jaw_without_a_limit_of_force_is_the_cause_of_the_creep_that_it_hides(
+    tmp_path: Path,
+) -> None:
+    """The box creeps out of the jaws; with a limit of force and noslip, both of lint, it stays.
+
+    The limit makes free jaws follow a step less well, so nothing is written without the author.
+    """
+    path = tmp_path / "press.xml"
+    path.write_text(_PRESS.format(noslip="", force=""))
+    report = contactlab.examine(path, output=tmp_path / "one.json", workers=0)
+    assert report.headline == "inaccurate: servo a of a jaw has no force range"
+    assert report.fix.startswith("by hand: write a forcerange")
+    (joined,) = (one for one in report.rejected_fixes if ", with noslip" in one.name)
+    assert "tracking error" in joined.reason
+    assert drop_box(_PRESS.format(noslip="", force="")) > 1e-2
+    fixed = _PRESS.format(noslip=' noslip_iterations="3"', force=' forcerange="-7.5 7.5"')
+    assert drop_box(fixed) < 1e-3

@@ -35,6 +35,7 @@ from contactlab.schema.examination import (
 )
 from contactlab.schema.finding import Waiver
 from contactlab.schema.grip import GripReport
+from contactlab.schema.task import QPOS0
 from contactlab.schema.verdict import PASSING_VERDICTS
 from contactlab.schema.verification import VerifiedChange
 from contactlab.store.table_layout import record_to_row
@@ -368,6 +369,8 @@ def _repair_design(
     grip: GripReport | None,
     designs: Sequence[Cause],
 ) -> RepairedModel:
+    if repaired.examined.task.start != QPOS0:
+        repaired = repairer.join_grip(repaired)
     # Causes of the design of a repaired model are found in its own motions.
     if repaired.fixes and repaired.word not in PASSING_VERDICTS:
         examined = repaired.examined

@@ -78,6 +78,18 @@ class Repair(NamedTuple):
         return fault.rule == self.rule or (self.stage == fault.stage == "start")
 
 
+class PendingRepair(NamedTuple):
+    """A repair that improves the verdict, and that its verification rejects.
+
+    Attributes:
+        repair: the change.
+        examined: the model with it.
+    """
+
+    repair: Repair
+    examined: CheckedModel
+
+
 @dataclass(frozen=True)
 class RepairedModel:
     """A model with its first causes repaired, or as its author wrote it.
@@ -92,6 +104,7 @@ class RepairedModel:
         scene: of its files with repairs by rules of lint; None for the original's.
         faults: of its files, that make it fail whatever its runs say, and are not repaired.
         failed_checks: checks of the original that fail for other reasons than its runs.
+        pending: rejected repairs, which may pass together with another one.
     """
 
     examined: CheckedModel
@@ -103,6 +116,7 @@ class RepairedModel:
     scene: Scene | None = None
     faults: tuple[FileFault, ...] = ()
     failed_checks: tuple[str, ...] = ()
+    pending: tuple[PendingRepair, ...] = ()
 
     @property
     def word(self) -> VerdictWord:
@@ -215,7 +229,7 @@ class CauseRepairer:
         if known:
             starts += standing_starts(scene, examined.values, motion, off_limits=True)
         starts += moved_starts(scene, examined.values, motion)
-        rejected = list[RejectedFix]()
+        rejected = [*first.rejected]
         for start in starts:
             sentence, certain = known or start.sentence, bool(known)
             repair = Repair("start", sentence, start.name, start.apply, start.edits, certain)
@@ -255,24 +269,44 @@ class CauseRepairer:
 
     def repair_grip(self, model: RepairedModel, cause: Cause) -> RepairedModel:
         """Return the model with the first fix that keeps the object of its keyframe in the hand."""
-        examined = model.examined
-        grip = judge_grip(GripRequest(examined.reference, keyframe=examined.task.start))
-        catalogue = examined.scene.catalogue
-        for fix in grip.fixes:
-            axes = {name: catalogue.find(name) for name in fix.options}
-            settings = {
-                name: axis.parse(fix.options[name]) if axis else fix.options[name]
-                for name, axis in axes.items()
-            }
-            motions = examined.motions_of(examined.task, {**examined.values, **settings})
-            if not settings or leaves_hand(motions[0], grip):
-                continue
-            repair = Repair(cause.stage, cause.sentence, fix.name, GRIP, ModelEdits(settings), True)
-            tried = self._try_repair(model, repair)
+        for name, settings in _list_grip_settings(model.examined):
+            edits = ModelEdits(settings)
+            tried = self._try_repair(
+                model, Repair(cause.stage, cause.sentence, name, GRIP, edits, is_certain=True)
+            )
             if len(tried.fixes) > len(model.fixes):
                 return tried
             model = replace(model, rejected=tried.rejected)
         return replace(model, causes=(*model.causes, cause))
+
+    def join_grip(self, model: RepairedModel) -> RepairedModel:
+        """Return the model with a rejected repair and a fix of its grip, if they pass together.
+
+        Less squeeze, for example, lets an object creep, which alone is worse than as written.
+        """
+        if model.passes:
+            return model
+        for repair, examined in model.pending:
+            # An unlimited jaw may throw its object away, so that only the repaired model holds it.
+            try:
+                fixes = [*_list_grip_settings(examined)]
+            except SceneError:
+                continue
+            without = replace(
+                model,
+                causes=tuple(one for one in model.causes if one.sentence != repair.sentence),
+                rejected=tuple(one for one in model.rejected if one.name != repair.name),
+            )
+            for name, settings in fixes:
+                joined = repair._replace(
+                    name=f"{repair.name}, with {name}",
+                    apply=GRIP,
+                    edits=join_edits([repair.edits, ModelEdits(settings)]),
+                )
+                tried = self._try_repair(without, joined)
+                if len(tried.fixes) > len(model.fixes) or tried.causes != without.causes:
+                    return tried
+        return model
 
     def _part_links(self, model: RepairedModel) -> RepairedModel:
         overlaps = find_permanent_overlaps(model.examined.motions[0])
@@ -378,14 +412,17 @@ class CauseRepairer:
         if not of_file and not is_better(model, repaired, repair):
             return model
         # An object that the original drops comes to rest elsewhere, as with another start.
-        elsewhere = edits.fixes_start or repair.apply == GRIP
+        elsewhere = edits.fixes_start or (repair.apply == GRIP and not repair.rule)
         found = None if of_file else self.verify(changed, elsewhere)
         if found is not None and not found.passed:
             rejected = (*model.rejected, RejectedFix(name=repair.name, reason=found.sentence))
+            pending = (*model.pending, PendingRepair(repair, changed))
             decides = repair.stage == "file" and _removes_complaints(model, repaired)
             causes = (*model.causes, known) if decides else model.causes
-            return replace(model, causes=causes, rejected=rejected)
+            return replace(model, causes=causes, rejected=rejected, pending=pending)
         removes = "verdict" if repaired.word in PASSING_VERDICTS else "cause"
+        own_lines = repair.file[1] if repair.file else ()
+        joins = repair.edits != ModelEdits()  # with settings besides the lines of its file
         fix = Fix(
             name=repair.name,
             changes_model=not repair.keeps_model,
@@ -405,7 +442,7 @@ class CauseRepairer:
             distance_to_reference=None,
             distance_before=None,
             time_ratio=None,
-            lines=repair.file[1] if repair.file else written.lines,
+            lines=(*own_lines, *written.lines) if joins or not own_lines else own_lines,
             controller=repair.controller,
             verification=found,
         )
@@ -457,6 +494,21 @@ class CauseRepairer:
         edits = replace(model.edits, settings={**self.original.values, **model.edits.settings})
         scene = (model.scene or self.original.scene).with_effects("all")
         return RepairedFiles(scene, edits, tuple(fix.apply for fix in model.fixes if fix.apply))
+
+
+def _list_grip_settings(examined: CheckedModel) -> Iterator[tuple[str, dict[str, object]]]:
+    # Names and settings of the fixes that keep the object of the keyframe in the hand.
+    grip = judge_grip(GripRequest(examined.reference, keyframe=examined.task.start))
+    catalogue = examined.scene.catalogue
+    for fix in grip.fixes:
+        axes = {name: catalogue.find(name) for name in fix.options}
+        settings = {
+            name: axis.parse(fix.options[name]) if axis else fix.options[name]
+            for name, axis in axes.items()
+        }
+        motions = examined.motions_of(examined.task, {**examined.values, **settings})
+        if settings and not leaves_hand(motions[0], grip):
+            yield fix.name, settings
 
 
 def find_fall_through(examined: CheckedModel) -> Iterator[FileFault]:
