@@ -77,7 +77,7 @@ def limited_memory(most_bytes: int) -> Generator[None]:
         yield
         return
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
-    limits = [pages * resource.getpagesize() + most_bytes, *_finite(soft, hard)]
+    limits = [pages * resource.getpagesize() + most_bytes, *_select_finite(soft, hard)]
     resource.setrlimit(resource.RLIMIT_AS, (min(limits), hard))
     try:
         yield
@@ -85,7 +85,7 @@ def limited_memory(most_bytes: int) -> Generator[None]:
         resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
-def _finite(*limits: int) -> list[int]:
+def _select_finite(*limits: int) -> list[int]:
     return [limit for limit in limits if limit >= 0]  # RLIM_INFINITY is negative
 
 

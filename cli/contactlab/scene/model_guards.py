@@ -160,7 +160,9 @@ class ModelSize:
             self._check_sizes(name, element)
             if element.tag in _COPIES:
                 # A grid of cells has a body at each of its corners.
-                copies *= max(1.0, *(_product(element, key) for key in ("count", "cellcount")))
+                copies *= max(
+                    1.0, *(_multiply_numbers(element, key) for key in ("count", "cellcount"))
+                )
             elif element.tag == "attach":
                 model = element.get("model", "")
                 attached[model] = attached.get(model, 0.0) + copies
@@ -193,7 +195,7 @@ class ModelSize:
                 )
 
 
-def _product(element: ET.Element, key: str) -> float:
+def _multiply_numbers(element: ET.Element, key: str) -> float:
     return math.prod(_read_numbers(element.get(key, "1")))
 
 
