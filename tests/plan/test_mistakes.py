@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.errors import SweepFileError
-from contactlab.plan.diagnostics import SweepMistakesError
+from contactlab.plan.diagnostics import MOST_SHOWN_MISTAKES, SweepMistakesError
 from contactlab.plan.grid import Plan
 from contactlab.plan.overrides import Overrides
 from contactlab.plan.sweep_file import read_sweep
@@ -456,3 +456,13 @@ def test_what_a_scene_itself_asks_for_has_a_boundary(vocabulary: Any) -> None:
     )
     assert "not-asked" in {each.code for each in found(text, vocabulary).diagnostics}
     read_sweep(text, lambda scene: replace(vocabulary(scene), asks=True))
+
+
+def test_close_names_are_searched_for_printed_mistakes_only(vocabulary: Any) -> None:
+    axes = "".join(f"  timestep{number}: [1]\n" for number in range(MOST_SHOWN_MISTAKES + 10))
+    error = found(f"version: 1\nscene: ball\nduration: 1\naxes:\n{axes}", vocabulary)
+    hints = [each.hint for each in error.diagnostics if each.code == "unknown-axis"]
+    assert [hint == "did you mean 'timestep'?" for hint in hints] == (
+        [True] * MOST_SHOWN_MISTAKES + [False] * 10
+    )
+    assert str(error).endswith("and 10 more")

@@ -8,6 +8,8 @@ from typing import Literal
 from contactlab.errors import SweepFileError
 
 Severity = Literal["error", "warning"]
+MOST_SHOWN_MISTAKES = 50
+"""More mistakes of one file are counted, not printed: they fill a screen and have one origin."""
 
 
 @dataclass(frozen=True)
@@ -94,8 +96,7 @@ class SweepMistakesError(SweepFileError):
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         self.diagnostics = tuple(diagnostics)
-        most_shown = 50
-        texts = [str(diagnostic) for diagnostic in self.diagnostics[:most_shown]]
+        texts = [str(diagnostic) for diagnostic in self.diagnostics[:MOST_SHOWN_MISTAKES]]
         more = len(self.diagnostics) - len(texts)
         super().__init__("\n\n".join([*texts, f"and {more:,} more"] if more else texts))
 

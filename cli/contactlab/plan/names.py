@@ -7,7 +7,7 @@ from pathlib import Path
 
 from contactlab.errors import DriveFileError, suggestion
 from contactlab.expression import Expression, ExpressionError
-from contactlab.plan.diagnostics import Place
+from contactlab.plan.diagnostics import MOST_SHOWN_MISTAKES, Place
 from contactlab.plan.grid import Match
 from contactlab.plan.rows import SweepContext
 from contactlab.plan.yaml_document import Document, KeyPath
@@ -154,8 +154,10 @@ def _add_unknown_name(
     document: Document, kind: str, name: str, place: Place, known_names: Collection[str]
 ) -> None:
     few = f"known: {', '.join(known_names)}" if 0 < len(known_names) <= 12 else ""
+    # A search for a close name takes long, and further mistakes are not printed.
+    is_shown = len(document.mistakes) < MOST_SHOWN_MISTAKES
     hint = (
-        suggestion(name, known_names)
+        (is_shown and suggestion(name, known_names))
         or few
         or f"`contactlab {_LIST_COMMANDS.get(kind, 'list')}` has all"
     )
