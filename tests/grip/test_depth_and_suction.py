@@ -6,6 +6,10 @@ import mujoco
 import pytest
 
 from contactlab.errors import SceneError
+from contactlab.schema.task import QPOS0
+from contactlab.studies.examine.design_causes import find_lost_grip
+from contactlab.studies.grip.fingers import find_hand
+from contactlab.studies.grip.grip_fact import find_grip
 from contactlab.studies.grip.grip_verdict import MOST_DEPTH
 from contactlab.studies.grip.gripping import GripRequest, judge_grip
 
@@ -93,3 +97,56 @@ def test_one_side_without_suction_holds_nothing(tmp_path: Path) -> None:
     text = CUP.format(gain=20).replace('ctrl="0 1"', 'ctrl="0 0"')
     with pytest.raises(SceneError):
         judged(tmp_path, text, "held")
+
+
+# Two jaws that forces alone press on a box; nothing holds the pair of them from the side.
+FORCED = """
+<mujoco>
+  <option timestep=".002" cone="elliptic" impratio="{impratio}"/>
+  <worldbody>
+    <body name="hand" pos="0 0 .4"><geom type="box" pos="0 0 .06" size=".05 .03 .01" mass=".5"/>
+      <body name="left" pos="-.026 0 0"><joint name="left" type="slide" axis="1 0 0" damping="6"/>
+        <geom type="box" size=".005 .012 .03" mass=".05"/></body>
+      <body name="right" pos=".026 0 0"><joint name="right" type="slide" axis="-1 0 0" damping="6"/>
+        <geom type="box" size=".005 .012 .03" mass=".05"/></body></body>
+    <body name="box" pos="0 0 .4"><freejoint/>
+      <geom type="box" size=".021 .02 .02" mass=".2"/></body>
+  </worldbody>
+  <actuator><motor joint="left"/><motor joint="right"/></actuator>
+  <keyframe><key name="held" ctrl="12 12"/></keyframe>
+</mujoco>
+"""
+
+
+def test_jaws_that_yield_to_a_load_with_their_object_hold_it(tmp_path: Path) -> None:
+    """From the side, all three move at weight / damping of both jaws: 1.96 N / 12 Ns/m."""
+    report = judged(tmp_path, FORCED.format(impratio=100), "held")
+    limit = report.tolerance
+    speeds = [drift.speed for drift in report.drifts]
+    assert all(speed is not None and speed < limit < 1.96 / 12 for speed in speeds)
+    assert report.verdict == "holds"
+
+
+def test_a_held_object_may_creep_as_fast_as_one_at_rest(tmp_path: Path) -> None:
+    """Regularized friction creeps by more than a grip may, and less than 3 % of a size a second."""
+    report = judged(tmp_path, FORCED.format(impratio=10), "held")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "model.xml"))
+    worst = max(drift.speed or 0.0 for drift in report.drifts)
+    assert report.verdict == "creeps"
+    assert report.tolerance < worst < 0.03 * 0.021
+    assert list(find_lost_grip(model, report, report.sentence)) == []
+    fast = report.drifts[0].model_copy(update={"speed": 0.04 * 0.021})
+    faster = report.model_copy(update={"drifts": (fast,)})
+    assert len(list(find_lost_grip(model, faster, report.sentence))) == 1
+
+
+def test_a_part_that_is_pressed_into_the_world_is_no_hand(tmp_path: Path) -> None:
+    wall = '<geom type="box" pos=".1 0 0" size=".02 .05 .05"/>'
+    text = f"""<mujoco><worldbody>{wall}<body name="press"><joint name="x" type="slide"
+      axis="1 0 0" range="-.1 .07"/><geom type="box" size=".01 .04 .04" mass="1"/></body>
+      </worldbody><actuator><position joint="x" kp="500" kv="20" ctrlrange="-.1 .07"/></actuator>
+      </mujoco>"""
+    (tmp_path / "press.xml").write_text(text)
+    model = mujoco.MjModel.from_xml_string(text)
+    assert find_hand(model).base == 0
+    assert find_grip(str(tmp_path / "press.xml"), model, QPOS0) is None

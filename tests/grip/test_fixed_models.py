@@ -31,8 +31,9 @@ def test_the_speed_with_a_fix_is_that_of_the_fixed_model(tmp_path: Path) -> None
     # What is held is carried, so pulling it takes at least its weight.
     assert alone.holds
     assert alone.pull.weights > 1
-    assert list(find_lost_grip(alone, "it holds")) == []
-    (cause,) = find_lost_grip(report, report.sentence)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    assert list(find_lost_grip(model, alone, "it holds")) == []
+    (cause,) = find_lost_grip(model, report, report.sentence)
     assert cause.fails
 
 

@@ -114,7 +114,9 @@ class GripReport(ReportModel):
     sentence: str = about("The verdict with speed, direction, time of loss, cause and fix.")
     tolerance: float = about("Largest speed of an object that does not creep.", unit="m/s")
     object: str = about("The object.")
-    base: str = about("The body that carries the fingers. Motion is measured in its frame.")
+    base: str = about(
+        "The body that carries the fingers. Motion is relative to them, in its frame."
+    )
     opening: FiniteOrNull = about("Largest clearance of the fingers.", unit="m")
     controls: tuple[GripControl, ...]
     fingers: tuple[GripFinger, ...]

@@ -393,7 +393,7 @@ def _list_design_causes(examined: CheckedModel, grip: GripReport | None) -> Iter
         return
     motion = examined.motions[0]
     if grip is not None:
-        yield from find_lost_grip(grip, describe_grip(grip).sentence)
+        yield from find_lost_grip(motion.model, grip, describe_grip(grip).sentence)
     yield from find_sagging_servo(motion)
 
 

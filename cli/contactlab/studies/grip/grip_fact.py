@@ -24,7 +24,7 @@ def find_grip(reference: str, model: mujoco.MjModel, start: str) -> GripReport |
     for request in _grip_requests(reference, start):
         try:
             carried = request.keyframe is not None or _is_carried(model)
-            if not carried and not _is_fixed(model):
+            if not carried and not _is_fixed_hand(model):
                 continue
             report = judge_grip(request)
         except SceneError:
@@ -66,9 +66,11 @@ def _is_carried(model: mujoco.MjModel) -> bool:
     return bool(model.body_subtreemass[base] <= most_share * model.body_subtreemass[robot])
 
 
-def _is_fixed(model: mujoco.MjModel) -> bool:
-    """Return whether the robot is fixed to the world."""
-    return bool(model.body_weldid[model.body_rootid[find_hand(model).base]] == 0)
+def _is_fixed_hand(model: mujoco.MjModel) -> bool:
+    """Return whether the hand is fixed to the world, and is not one part that closes on it."""
+    hand = find_hand(model)
+    closes_on_world = len(hand.fingers) == 1 and model.body_weldid[hand.base] == 0
+    return bool(model.body_weldid[model.body_rootid[hand.base]] == 0 and not closes_on_world)
 
 
 def describe_grip(report: GripReport) -> Fact:
@@ -98,7 +100,7 @@ def grip_requests(reference: str, model: mujoco.MjModel, start: str) -> Iterator
     """
     for request in _grip_requests(reference, start):
         try:
-            if request.keyframe is not None or _is_carried(model) or _is_fixed(model):
+            if request.keyframe is not None or _is_carried(model) or _is_fixed_hand(model):
                 yield request
         except SceneError:
             continue  # nothing closes

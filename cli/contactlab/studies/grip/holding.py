@@ -76,13 +76,13 @@ class Drift:
     Attributes:
         name: direction of the load.
         seconds: duration of the run [s].
-        speeds: (4,) mean speeds in quarters of the run [m/s], relative to the base.
+        speeds: (4,) mean speeds in quarters of the run [m/s], relative to the fingers.
         trend: of these speeds.
         speed: at the end; if it fades, the mean over the next ten seconds; if it is uneven, the
             mean of all quarters except the first [m/s].
         distance_left: distance until the pads no longer cover it [m].
         lost: time of that [s]; infinite if never.
-        path: (K, 3) in the base frame [m].
+        path: (K, 3) from the middle of the bodies that hold it, in the base frame [m].
     """
 
     name: str
@@ -200,9 +200,9 @@ def _observe_runs(
     controls = repeat_input(squeeze.control, count, steps)
     rolled = roll_out(fixture.model, rows, controls, np.repeat(forces[:, None], steps, axis=1))
     looks = np.linspace(0, steps - 1, _LOADING.samples + 1).astype(int)
-    observed = list[_ObservedRun]()
+    observed, holders = list[_ObservedRun](), _find_holders(fixture, squeeze)
     for run in range(count):
-        path = body_frames(fixture.model, rolled.qpos[run, looks], fixture.body, fixture.base)
+        path = _measure_path(fixture, holders, rolled.qpos[run, looks])
         row, end = rolled.rows[run], None
         if not rolled.failed[run] and np.isfinite(path).all():
             end = measure_squeeze(
@@ -212,6 +212,25 @@ def _observe_runs(
             end = None
         observed.append(_ObservedRun(row, path, steps * fixture.model.opt.timestep, end))
     return observed
+
+
+def _find_holders(fixture: GripFixture, squeeze: Squeeze) -> list[int]:
+    # The bodies that press on the object, except the world.
+    model = fixture.model
+    contacts = find_contacts(model, data_at(model, squeeze.row), fixture.body)
+    bodies = {int(model.geom_bodyid[one.geom]) for one in contacts if one.force > 0}
+    return sorted(body for body in bodies if model.body_weldid[body])
+
+
+def _measure_path(fixture: GripFixture, holders: list[int], configurations: Floats) -> Floats:
+    # The object (K, 3) relative to the middle of the bodies that hold it, in the base frame [m].
+    # Jaws that are driven by forces give way to a load from the side, and the object with them: it
+    # does not move in the hand.
+    path = body_frames(fixture.model, configurations, fixture.body, fixture.base)
+    if not holders:
+        return path
+    ways = [body_frames(fixture.model, configurations, each, fixture.base) for each in holders]
+    return path - np.mean(ways, axis=0)
 
 
 def has_settled(drift: Drift) -> bool:
@@ -346,7 +365,7 @@ def _run_trial(fixture: GripFixture, squeeze: Squeeze, forces: Floats) -> GripTr
         fixture.model, squeeze.row[None], repeat_input(squeeze.control, 1, steps), forces[None]
     )
     looks = np.linspace(0, steps - 1, _LOADING.samples + 1).astype(int)
-    path = body_frames(fixture.model, rolled.qpos[0, looks], fixture.body, fixture.base)
+    path = _measure_path(fixture, _find_holders(fixture, squeeze), rolled.qpos[0, looks])
     way = float(np.linalg.norm(path - path[0], axis=1).max())
     reach = float(fixture.half.max())
     lost = bool(rolled.failed[0]) or not way < 2 * reach
