@@ -13,6 +13,11 @@ from pathlib import Path
 
 from contactlab.errors import SceneError, SweepFileError, no_file
 
+try:
+    import resource
+except ImportError:  # on Windows
+    resource = None
+
 _OF_SWEEPS = {".yaml", ".yml"}
 _OF_MODELS = {".xml", ".urdf", ".mjcf", ".xacro", ".usd", ".usda"}
 RESULTS = Path("results")  # where results go unless a place is named
@@ -70,10 +75,10 @@ def limited_memory(most_bytes: int) -> Generator[None]:
     Library code in C could otherwise take all memory of the machine.
     """
     try:
-        import resource  # noqa: PLC0415 - Windows has none
-
-        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-    except (ImportError, OSError):
+        pages = int(Path("/proc/self/statm").read_bytes().split()[0])
+    except OSError:
+        pages = None
+    if resource is None or pages is None:
         yield
         return
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
@@ -90,9 +95,7 @@ def _select_finite(*limits: int) -> list[int]:
 
 
 def _limit_of_process(name: str) -> float:
-    try:
-        import resource  # noqa: PLC0415 - Windows has none
-    except ImportError:
+    if resource is None:
         return math.inf
     limit, _ = resource.getrlimit(getattr(resource, name))
     return math.inf if limit == resource.RLIM_INFINITY else limit
