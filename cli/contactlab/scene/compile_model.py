@@ -403,10 +403,11 @@ def _find_included_place(model: Path, message: str) -> str:
     # MuJoCo counts no lines in included files: FILE:LINE of the only element of the kind that has
     # each word which the message quotes, or "".
     tag = re.search(r"Element '(\w+)'", message)
-    words = re.findall(r"'([^']*)'", message[: tag.start()]) if tag else []
-    places = list[str]()
+    if not tag:
+        return ""
+    words, places = re.findall(r"'([^']*)'", message[: tag.start()]), list[str]()
     for path in dict.fromkeys(one.path for one in FileSearch().iterate_references(model)):
-        if tag is None or path.suffix != ".xml" or not path.is_file():
+        if path.suffix != ".xml" or not path.is_file():
             continue
         text = path.read_text(encoding="utf-8", errors="replace")
         for element in re.finditer(rf"<{tag[1]}\b[^>]*>", text):

@@ -1,5 +1,6 @@
 """The report of `contactlab grip`: whether a gripper holds an object, and why not."""
 
+import math
 from typing import Literal
 
 from contactlab.schema.evidence import Setting
@@ -136,6 +137,12 @@ class GripReport(ReportModel):
     def holds(self) -> bool:
         """True if the object does not creep or drop."""
         return self.verdict == "holds"
+
+    @property
+    def worst_speed(self) -> float:
+        """The largest speed of its drifts [m/s]; infinite if the object is lost."""
+        speeds = (math.inf if drift.speed is None else drift.speed for drift in self.drifts)
+        return max(speeds, default=math.inf)
 
     @property
     def problem(self) -> str:

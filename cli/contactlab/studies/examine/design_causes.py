@@ -73,9 +73,8 @@ def find_lost_grip(model: mujoco.MjModel, grip: GripReport, sentence: str) -> It
     """
     if grip.holds:
         return
-    speeds = [math.inf if drift.speed is None else drift.speed for drift in grip.drifts]
     creeps = grip.verdict == "creeps" and grip.keyframe is not None
-    if creeps and max(speeds) <= _MOST_SPEED * _measure_held_size(model, grip):
+    if creeps and grip.worst_speed <= _MOST_SPEED * _measure_held_size(model, grip):
         return
     is_choice = any(cause.kind == "regularized friction" for cause in grip.causes)
     yield Cause(stage="modeling choice" if is_choice else "design", sentence=sentence)

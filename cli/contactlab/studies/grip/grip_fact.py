@@ -75,8 +75,7 @@ def _is_fixed_hand(model: mujoco.MjModel) -> bool:
 
 def describe_grip(report: GripReport) -> Fact:
     """Return a judged grip as a fact."""
-    speeds = [math.inf if drift.speed is None else drift.speed for drift in report.drifts]
-    worst = max(speeds, default=math.inf)
+    worst = report.worst_speed
     lost = math.isinf(worst)
     first = min(
         (drift.lost_after for drift in report.drifts if drift.lost_after is not None), default=0.0
