@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from hashlib import blake2b
 from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
@@ -83,8 +84,10 @@ class Given:
         self.change(index, cost=Cost.of_steps(cpu_s, run.steps, timestep, None))
 
     def measure(self, index: int, **metrics: float | None) -> None:
-        """Change metrics of one record."""
-        self.change(index, metrics={**self.runs[index].metrics, **metrics})
+        """Change metrics of one record, and its trajectory, from which metrics follow."""
+        measured = {**self.runs[index].metrics, **metrics}
+        moved = blake2b(repr(measured).encode(), digest_size=16).hexdigest()
+        self.change(index, metrics=measured, trajectory_hash=moved)
 
     def label(self, index: int, *labels: str) -> None:
         """Give one record other labels, the worst first."""

@@ -181,3 +181,27 @@ def test_nothing_is_said_of_an_honest_baseline(baseline: Path, runs: Runs, store
     report = compare(baseline, stored("again", runs()))
     assert report.exit_code == 0
     assert check(report, ENOUGH).message == "all of the candidate"
+
+
+@pytest.mark.parametrize(("depth", "code"), [(0.0, 3), (1e9, 3), (1.005e-3, 0)])
+def test_metrics_that_contradict_equal_trajectories(
+    baseline: Path, runs: Runs, stored: Stored, depth: float, code: int
+) -> None:
+    """Neither a better nor a worse value is a result; the tolerance of 1 % covers rounding."""
+    bent = runs()
+    trajectory = bent.runs[0].trajectory_hash
+    bent.measure(0, depth=depth)
+    bent.change(0, trajectory_hash=trajectory)
+    report = compare(baseline, stored("bent", bent))
+    found = check(report, "depth no worse")
+    assert (report.exit_code, found.outcome == "skipped") == (code, code == NOT_COMPARABLE)
+    if code:
+        assert found.message.startswith("1 of 8 runs with bitwise equal trajectories have other")
+    # Another trajectory has other values, and so has another definition.
+    bent.change(0, trajectory_hash="f" * 32)
+    moved = compare(baseline, stored("moved", bent))
+    assert moved.exit_code == (1 if depth > 1 else 0)
+    bent.change(0, trajectory_hash=trajectory)
+    bent.versions = bent.versions | {"depth": 2}
+    defined = check(compare(baseline, stored("defined", bent)), "depth no worse")
+    assert "equal trajectories" not in defined.message

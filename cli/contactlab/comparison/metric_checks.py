@@ -86,6 +86,8 @@ def _metric_findings(paired: PairedStores) -> Iterator[tuple[Finding, ShownPairs
         rule = effective_rule(metric, paired.policy)
         reason = explain_incomparable(paired, metric, rule)
         columns = None if reason else paired.read_numbers(metric.name)
+        if columns and (reason := explain_contradiction(paired, metric, rule, columns)):
+            columns = None
         # A table that lacks a metric which its sweep measured was edited.
         is_known = metric.name in {*paired.baseline.columns.metric_columns, *versions}
         exempt = paired.half_checked & metric.second_pass
@@ -125,6 +127,40 @@ def explain_incomparable(paired: PairedStores, metric: Column, rule: EffectiveRu
         if values := find_difference(paired.baseline, paired.candidate, what):
             return f"{what} differs: {values[0]}, now {values[1]}"
     return None
+
+
+def explain_contradiction(
+    paired: PairedStores,
+    metric: Column,
+    rule: EffectiveRule,
+    columns: tuple[NumberColumn, NumberColumn],
+) -> str | None:
+    """Return why the values of a metric contradict equal trajectories; None if they do not.
+
+    A metric is a function of the trajectory and of the content, settings and seed that an id stands
+    for. If the definitions and the engine are the same, too, runs that are equal bit for bit have
+    equal values, unless a table was edited. Values measured by the clock differ in any case.
+    """
+    if kind_of(metric.name) == "time" or paired.policy.match != "id":
+        return None
+    before, after = columns
+    judged = paired.bitwise_equal & np.isfinite(before.values) & np.isfinite(after.values)
+    judged &= before.valid & after.valid & ~(paired.half_checked & metric.second_pass)
+    changed = np.flatnonzero(judged & (before.values != after.values))
+    if not len(changed) or any(
+        find_difference(paired.baseline, paired.candidate, what)
+        for what in ("metric_versions", "thresholds", "engine")
+    ):
+        return None
+    old, new = before.values[changed], after.values[changed]
+    beyond = int(np.count_nonzero(np.abs(new - old) > rule.limit.allow_change(old)))
+    if not beyond:
+        return None
+    runs = out_of(beyond, int(np.count_nonzero(judged)))
+    return (
+        f"{runs} with bitwise equal trajectories have other values: a table was edited, or the "
+        "metric does not repeat; run contactlab verify --simulate on both stores"
+    )
 
 
 @dataclass(frozen=True)

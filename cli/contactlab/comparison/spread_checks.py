@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from contactlab.comparison.judged_share import unless_unjudged
-from contactlab.comparison.metric_checks import explain_incomparable
+from contactlab.comparison.metric_checks import explain_contradiction, explain_incomparable
 from contactlab.comparison.pairing import PairedStores, group_pairs
 from contactlab.comparison.run_checks import PairLabels
 from contactlab.judge.policies import EffectiveRule, effective_rule, kind_of
@@ -83,7 +83,9 @@ def spread_metric_checks(paired: PairedStores) -> Iterator[Finding]:
     sure = _sure_of_each(int(count))
     for metric in metric_columns.values():
         rule = effective_rule(metric, paired.policy)
+        columns = paired.read_numbers(metric.name)
         reason = explain_incomparable(paired, metric, rule)
+        reason = reason or explain_contradiction(paired, metric, rule, columns)
         for group, member in group_pairs(paired.baseline, paired.pairing, rule.by):
             unchanged = rule.better == "none"
             subject = Subject(
@@ -98,7 +100,7 @@ def spread_metric_checks(paired: PairedStores) -> Iterator[Finding]:
                 yield subject.skipped(reason)
                 continue
             rows = np.flatnonzero(member)
-            before, after = (column.at(rows) for column in paired.read_numbers(metric.name))
+            before, after = (column.at(rows) for column in columns)
             finding = spread_finding(subject, rule, before, after, sure)
             new, is_gone = after.valid & ~before.valid, before.valid & ~after.valid
             if _are_more(int(new.sum()), int(is_gone.sum()), sure):
