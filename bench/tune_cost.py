@@ -21,6 +21,7 @@ from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
 from contactlab.parts import register_parts
 from contactlab.plan.task_options import TaskOptions
+from contactlab.scene.scene_source import is_menagerie, menagerie_model
 from contactlab.schema.task import Task
 from contactlab.schema.tune_report import REPORT, Candidate, TuneReport
 from contactlab.tasks.checked_model import open_model
@@ -35,6 +36,11 @@ ASKING = min(-time.thread_time() + time.thread_time() for _ in range(1000))
 Runs = tuple[mujoco.MjModel, list[Motion]]
 
 
+def file_of(model: str) -> str:
+    """Return the file of a model, which may be named by its collection."""
+    return str(menagerie_model(model)) if is_menagerie(model) else model
+
+
 def motions_of(report: TuneReport, task: Task, file: str = "") -> list[Motion]:
     """Return the motions of a task of a report's model, or of another file in its place."""
     options = TaskOptions(drive=report.task.drive, duration=report.task.duration)
@@ -44,7 +50,7 @@ def motions_of(report: TuneReport, task: Task, file: str = "") -> list[Motion]:
 def runs_of(report: TuneReport, file: str) -> Runs:
     """Return a model as MuJoCo reads it, and the motions of the task from fresh seeds."""
     task = report.task.model_copy(update={"seeds": tuple(range(FIRST, FIRST + SEEDS))})
-    return mujoco.MjModel.from_xml_path(file), motions_of(report, task, file)
+    return mujoco.MjModel.from_xml_path(file_of(file)), motions_of(report, task, file)
 
 
 def steps_of(

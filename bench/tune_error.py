@@ -16,7 +16,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from bench.tune_cost import answers_of, motions_of
+from bench.tune_cost import answers_of, file_of, motions_of
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
@@ -61,11 +61,10 @@ class Plain:
         mujoco.mj_kinematics(self.model, looked)
         mujoco.mj_comPos(self.model, looked)
         mujoco.mj_comVel(self.model, looked)
-        found, kind = np.empty((len(self.bodies), 6)), mujoco.mjtObj.mjOBJ_BODY
-        for place, body in enumerate(self.bodies):
-            mujoco.mj_objectVelocity(self.model, looked, kind, body, found[place], 0)
-            found[place, :3] *= self.radius[body]
-        return found
+        spins, speeds = looked.cvel[self.bodies, :3], looked.cvel[self.bodies, 3:]
+        arms = looked.xipos - looked.subtree_com[self.model.body_rootid]
+        speeds = speeds + np.cross(spins, arms[self.bodies])
+        return np.concatenate([spins * self.radius[self.bodies, None], speeds], axis=1)
 
 
 def build_references(written: mujoco.MjModel, tuned: mujoco.MjModel) -> list[Plain]:
@@ -106,18 +105,23 @@ def own_shares(
     for begin in begins:
         for place, (rate, reference) in enumerate(zip(RATES, references, strict=True)):
             reference.begin(states[begin])
-            seen = [reference.velocities()]
-            for row in inputs[begin : begin + length + 1]:
+            whole, fine = [reference.velocities()], [reference.velocities()] * (length == 1)
+            for number, row in enumerate(inputs[begin : begin + length + 1], 1):
                 for _ in range(rate):
                     reference.step(row, motion.spec)
-                    seen.append(reference.velocities())
-            end, last = begin + length, length * rate
-            fast = within(np.array(seen[last - rate : last + rate + 1]), length / 4)
+                    if number >= length:
+                        fine.append(reference.velocities())
+                if number == length - 1:
+                    fine.append(reference.velocities())
+                if not place and number <= length:
+                    whole.append(reference.velocities())
+            end, middle = begin + length, fine[rate]
+            fast = within(np.array(fine), length / 4)
             around = within(slow[end - 1 : end + 2], length / 4)
             there = away(slow[end], fast)
-            residual[place] += np.maximum(there, away(seen[last], around))
+            residual[place] += np.maximum(there, away(middle, around))
             if not place:
-                real += impulses(tuned, np.array(seen[: last + 1 : rate]), step)
+                real += impulses(tuned, np.array(whole), step)
     return np.array([over(each, real) for each in residual])
 
 
@@ -173,7 +177,7 @@ def away(one: np.ndarray, line: np.ndarray) -> np.ndarray:
 
 def measured(report: TuneReport, motions: Sequence[Motion], file: str) -> float:
     """Return the error of an answer, whose model is in a file."""
-    written, tuned = (mujoco.MjModel.from_xml_path(path) for path in (report.model, file))
+    written, tuned = (mujoco.MjModel.from_xml_path(path) for path in (file_of(report.model), file))
     references = build_references(written, tuned)
     plain, own = Plain(tuned, float(tuned.opt.timestep)), float(written.opt.timestep)
     each = [

@@ -16,8 +16,14 @@ from statistics import median
 
 import mujoco
 import numpy as np
-from bench.tune_cost import motions_of
-from bench.tune_error import Motion, Plain, build_references, measure_phase, own_shares
+from bench.tune_cost import file_of, motions_of
+from bench.tune_error import (
+    Motion,
+    Plain,
+    build_references,
+    measure_phase,
+    own_shares,
+)
 
 from contactlab.budget.motion import INTEGRATION
 from contactlab.parts import register_parts
@@ -49,7 +55,7 @@ def build_candidate(
     report: TuneReport, step: float, settings: Settings, *, removes_unused: bool = True
 ) -> mujoco.MjModel:
     """Return the model of a candidate, by default without provably unused collisions."""
-    spec = mujoco.MjSpec.from_file(report.model)
+    spec = mujoco.MjSpec.from_file(file_of(report.model))
     if removes_unused:
         for name in report.masked:
             geom = spec.geom(name)
@@ -95,7 +101,7 @@ class FrontErrors:
 
     def __init__(self, report: TuneReport, models: Sequence[mujoco.MjModel]) -> None:
         self._report = report
-        written = mujoco.MjModel.from_xml_path(report.model)
+        written = mujoco.MjModel.from_xml_path(file_of(report.model))
         self._own = float(written.opt.timestep)
         self._tuned = [Plain(each, float(each.opt.timestep)) for each in models]
         self._references = [build_references(written, each) for each in models]
@@ -192,7 +198,7 @@ def measure_front(folder: Path) -> None:
     """Print the claimed and the measured error and time of each point of a study."""
     report = TuneReport.model_validate_json((folder / REPORT).read_text())
     models = [build_point(report, point, folder) for point in report.front]
-    written = mujoco.MjModel.from_xml_path(report.model)
+    written = mujoco.MjModel.from_xml_path(file_of(report.model))
     errors, apart = measure_errors(report, models)
     task = report.task.model_copy(update={"seeds": tuple(range(FIRST, FIRST + TIMED_SEEDS))})
     motions, own = motions_of(report, task), float(written.opt.timestep)

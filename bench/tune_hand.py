@@ -19,7 +19,7 @@ from pathlib import Path
 import bench.tune_front as front
 import mujoco
 import numpy as np
-from bench.tune_cost import motions_of
+from bench.tune_cost import file_of, motions_of
 from bench.tune_front import (
     FrontErrors,
     Settings,
@@ -49,7 +49,7 @@ CHANGES: tuple[Settings, ...] = (
 
 def list_candidates(report: TuneReport) -> Iterator[tuple[float, Settings]]:
     """Yield steps and settings; a change that leaves the model unchanged is left out."""
-    model = mujoco.MjModel.from_xml_path(report.model)
+    model = mujoco.MjModel.from_xml_path(file_of(report.model))
     is_free = any("contact" in point.candidate.settings for point in report.front)
     free: Settings = {"contact": False} if is_free else {}
     fine, own = report.reference_step, float(model.opt.timestep)
@@ -102,7 +102,7 @@ def measure_hand(folder: Path) -> None:
     errors, _ = few.means()
     worst = max(errors[: len(points)])
     near = [place for place, error in enumerate(errors[len(points) :]) if error <= 1.1 * worst]
-    written = mujoco.MjModel.from_xml_path(report.model)
+    written = mujoco.MjModel.from_xml_path(file_of(report.model))
     task = report.task.model_copy(update={"seeds": tuple(range(FIRST_SEED, FIRST_SEED + FEW))})
     motions, own = motions_of(report, task), float(written.opt.timestep)
     front.TIMED_SEEDS, front.TURNS = 1, 2

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from statistics import fmean
+from statistics import fmean, stdev
 
 SURE = 0.95
 _Z = 1.959963984540054  # 95 % of a normal distribution lie within this distance
@@ -62,6 +62,26 @@ def median_interval(values: Sequence[float], sure: float = SURE) -> tuple[float,
         k += 1
     k = max(k, 1)
     return ordered[k - 1], ordered[n - k]
+
+
+def mean_interval(values: Sequence[float], sure: float = SURE) -> tuple[float, float]:
+    """Return a confidence interval of the mean of the distribution of independent values.
+
+    It is Student's. A few large values make the mean of many larger than most means of few; N. J.
+    Johnson's correction for skewness, 1978, moves the end on their side. A single value has itself.
+    """
+    from scipy.special import stdtrit  # noqa: PLC0415 - it takes a while to load
+
+    count, mean = len(values), fmean(values)
+    spread = stdev(values) if count > 1 else 0.0
+    if not spread:
+        return mean, mean
+    wide = float(stdtrit(count - 1, (1 + sure) / 2))
+    half = wide * spread / math.sqrt(count)
+    cubes = sum((value - mean) ** 3 for value in values)
+    cubes *= count / max(1.0, (count - 1) * (count - 2))
+    skew = (1 + 2 * wide**2) * cubes / (6 * count * spread**2)
+    return mean - half + min(0.0, skew), mean + half + max(0.0, skew)
 
 
 def _interval_end(good: int, runs: int, sure: float, inner: float, outer: float) -> float:

@@ -486,6 +486,7 @@ class PhaseMeasure:
             exercised=True,
             errors=mean[self._observed],
             seeds=shares[:, body],
+            shares=shares[:, self._observed],
             body=int(np.searchsorted(self._observed, body)),
             speed=float(apart[..., body][self.run.valid & ~window_values.lost].mean()),
             seed=seed,

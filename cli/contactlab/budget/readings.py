@@ -1,6 +1,6 @@
 """Results of an error budget: per row, per phase, and combined."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +23,7 @@ class Reading:
         body: number of the worst body among the observed ones.
         speed: defect of that body, the mean over windows [m/s]; the speed of a creep.
         seed, time: window in which the defect of that body is largest, and when it begins [s].
+        shares: (S, B) error of each body in each seed.
         place: contact, joint, tendon or equality whose impulse on that body differs most there;
             "" if this was not requested.
         time_ratio: time of a run with the change over one without; None if the change is not one
@@ -41,6 +42,7 @@ class Reading:
     time: float = np.nan
     place: str = ""
     time_ratio: TimeRatio | None = None
+    shares: Floats = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
     def error(self) -> float:

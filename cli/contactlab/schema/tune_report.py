@@ -53,8 +53,9 @@ class Candidate(Model):
     removes_far_pairs: bool = about("Without collisions of far pairs: see the report.")
     simplifies_hulls: bool = about("With fewer vertices of hulls: see the report.")
     error: FiniteOrNull = about(
-        "Error of the worst body, mean over seeds; null if MuJoCo gave up. Points of the front "
-        "have the numerical error; the others an estimate from states of the reference."
+        "Error of the worst body, mean over seeds of the task; null if MuJoCo gave up. Points of "
+        "the front have that of `contactlab MODEL`; the others an estimate from states of the "
+        "reference."
     )
     low: FiniteOrNull = about("Least error of any seed.")
     high: FiniteOrNull = about("Largest error of any seed.")
@@ -144,12 +145,19 @@ class FrontPoint(Model):
     marks: tuple[str, ...] = about("as written, recommended, equal error, or none.")
     candidate: Candidate
     error: FiniteOrNull = about(
-        "Numerical error as `contactlab MODEL` measures it, mean over seeds of the task, or the "
-        "largest forward error on seeds that the search did not use. Null if MuJoCo gave up."
+        "Numerical error, mean over `error_seeds` seeds: those of the task, as in the `error` of "
+        "the candidate, and fresh ones. Or the largest forward error on seeds that the search did "
+        "not use. Null if MuJoCo gave up."
     )
-    error_low: FiniteOrNull = about("Least error of a seed; null if there is one seed.")
-    error_high: FiniteOrNull = about("Largest error of a seed.")
-    error_seeds: int = about("Number of seeds: all of the task, or as many as the work allows.")
+    error_low: FiniteOrNull = about(
+        "Low end of the interval of 95 % of the mean error over any seeds; of forward errors, the "
+        "least of a seed. Null if there is one seed."
+    )
+    error_high: FiniteOrNull = about(
+        "Its high end; of forward errors, the largest of a seed. Null if there is one seed, or if "
+        "MuJoCo gave up on one."
+    )
+    error_seeds: int = about("Number of seeds: until the interval is narrow, or the work is done.")
     real_time: float = about("Simulated over CPU time, on one core of this machine.")
     state: PointState = about(
         "Only a point that was written and passed is verified. failed: it was written, and a "
@@ -197,7 +205,7 @@ class SimplifiedHulls(Model):
 class TuneReport(ReportModel):
     """From a model to recommended settings (`tune.json`). Units are SI."""
 
-    tune_version: Literal[7] = 7
+    tune_version: Literal[8] = 8
     model: str = about("As given.")
     scene_hash: str
     mujoco: str

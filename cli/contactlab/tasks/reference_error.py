@@ -7,7 +7,7 @@ rank candidates; the numerical error that is printed is that of the error budget
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import mujoco
@@ -51,6 +51,7 @@ class ErrorEstimate:
         time: when its worst window begins [s since the phase began].
         low, high: least and largest over seeds.
         shares: error of that body for each seed; empty if the seeds are not known.
+        by_phase: (S, B) error of each body for each seed, by phase; empty if not known.
     """
 
     error: float
@@ -60,6 +61,7 @@ class ErrorEstimate:
     low: float
     high: float
     shares: tuple[float, ...] = ()
+    by_phase: tuple[Floats, ...] = field(default=(), compare=False, repr=False)
 
     @classmethod
     def of_reading(cls, phase: PhaseBudget, reading: Reading) -> "ErrorEstimate":
@@ -73,7 +75,8 @@ class ErrorEstimate:
     def of_budget(cls, budget: ErrorBudget) -> "ErrorEstimate":
         """Return the numerical error of a budget, in its worst phase."""
         worst = max(budget.phases, key=lambda phase: phase.run.error)
-        return cls.of_reading(worst, worst.run)
+        of_all = tuple(phase.run.shares for phase in budget.phases)
+        return replace(cls.of_reading(worst, worst.run), by_phase=of_all)
 
     def widened_by(self, other: "ErrorEstimate") -> "ErrorEstimate":
         """Return the estimate with a range that includes the error on other seeds."""

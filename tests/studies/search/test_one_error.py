@@ -102,7 +102,13 @@ def test_each_command_says_the_same_of_the_model_and_of_the_recommendation(
     report = tune_model(TuneRequest(model, task=task, max_cpu=30.0), Session(folder))
     budget = budget_of(model, tmp_path, task)
     own = [point for point in report.front if "as written" in point.marks]
-    assert [point.error for point in own] == [error_of(budget)] == [report.current.error]
+    assert [point.candidate.error for point in own] == [error_of(budget)] == [report.current.error]
+    for point in report.front:  # the mean over more seeds than those of the budget
+        assert point.error_seeds >= len(report.task.seeds)
+        assert point.error_low is not None
+        assert point.error_high is not None
+        assert point.error
+        assert point.error_low <= point.error <= point.error_high
     assert report.current_verdict
     assert report.current_verdict.verdict == budget.verdict
     assert report.target.kind == "tolerance" or error_of(budget) <= budget.tolerance

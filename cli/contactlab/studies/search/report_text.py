@@ -75,7 +75,7 @@ def sentence_of(report: TuneReport) -> str:
         own = error_text(find_error(report, "recommended"), target.unit, target.tolerance)
         change = f"error {own}, as before" if own == current else f"error {own}, not {current}"
         if own != current and _is_within_seeds(report):
-            change = f"error {own}, {current} as written; seeds differ by more"
+            change = f"error {own}, {current} as written; its interval has both"
         change = "the same motion" if best.exact else change
         head = f"Recommended: {_time_text(best.time_ratio, best.cost)}, {change}."
         if _is_above_tolerance(report):
@@ -97,7 +97,7 @@ def _time_text(ratio: TimeRatio, cost: float | None) -> str:
 
 
 def _is_within_seeds(report: TuneReport) -> bool:
-    # Whether the range of the recommended error over seeds has the error as written.
+    # Whether the interval of the recommended error has the error as written.
     current = find_error(report)
     return current is not None and any(
         (point.error_low or 0.0) <= current <= (point.error_high or 0.0)

@@ -185,7 +185,7 @@ def _write_subtitle(report: TuneReport) -> str:
     if report.target.unit != "1":
         return f"error at the {report.target.error_at} of {', '.join(report.target.observed)}"
     real_time = format_amount(report.real_time, digits=2)
-    return f"mean and range over seeds; as written {real_time}x real time"
+    return f"95 % interval over any seeds; as written {real_time}x real time"
 
 
 def _integrator_of(candidate: Candidate, report: TuneReport) -> str:

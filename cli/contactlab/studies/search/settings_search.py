@@ -220,6 +220,12 @@ class Search:
             self.work_done += 1.0
         return entry
 
+    @property
+    def work_left(self) -> float:
+        """Counted work that a complete search did not need, in tasks of the model as written."""
+        left = self.work + self.front_work - self.work_done
+        return max(0.0, left) if self.ending == "complete" else 0.0
+
     def run_search(self) -> None:
         """Search until nothing is left to try, or until work or time are over."""
         with step_count("work of the search", self.work + self.front_work) as self._progress:

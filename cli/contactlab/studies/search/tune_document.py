@@ -49,7 +49,7 @@ def describe_tuning(report: TuneReport, *, folder: Path | None = None) -> Docume
     heads = (
         Column("point", breakable=True),
         Column("error", "right"),
-        Column("over seeds", "right"),
+        Column("any seeds", "right"),
         Column("time", "right"),
         Column("speed", "right"),
     )
@@ -71,13 +71,7 @@ def _list_facts(report: TuneReport) -> Iterator[tuple[str, str]]:
         yield "drive", report.fall
     yield "target", _target_text(report)
     if target.unit == "1":
-        yield (
-            "errors",
-            (
-                "residual force as a share of the real forces, in the worst body and phase, mean "
-                f"over {plural(len(report.task.seeds), 'seed')}, as in `contactlab MODEL`"
-            ),
-        )
+        yield "errors", _errors_text(report)
     if target.divergence:
         yield "motion", target.divergence
     yield "search", f"{ending_text(report)}, {report.seconds:.0f} s"
@@ -92,6 +86,16 @@ def _list_facts(report: TuneReport) -> Iterator[tuple[str, str]]:
         yield "model", f"known to {' and '.join(known_parts)}"
     if why := no_speedup_text(report):
         yield "limits", why
+
+
+def _errors_text(report: TuneReport) -> str:
+    text = "residual force as a share of the real forces, in the worst body and phase, mean over "
+    most = max(point.error_seeds for point in report.front)
+    text += f"{'up to ' * (len(report.front) > 1)}{plural(most, 'seed')}"
+    count = len(report.task.seeds)
+    if most <= count:
+        return f"{text}, as in `contactlab MODEL`"
+    return f"{text}; `contactlab MODEL` runs the first {count}"
 
 
 def _front_notes(report: TuneReport) -> Iterator[str]:
@@ -171,6 +175,8 @@ def _front_row(point: FrontPoint, report: TuneReport) -> Row:
         time = f"work {format_amount(point.candidate.cost, 'x')}"
     low, high = (error_text(value, unit) for value in (point.error_low, point.error_high))
     errors = f"{low.removesuffix(f' {unit}')} to {high}"
+    if point.error_high is None:
+        errors = f"above {low}"
     if point.error_seeds == 1:
         errors = "1 seed"
     elif unit == "1" and point.error_low is not None and point.error_high is not None:

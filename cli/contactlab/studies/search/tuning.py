@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 from shutil import rmtree
 from statistics import stdev
+from typing import TypedDict
 
 import mujoco
 
@@ -61,11 +62,13 @@ from contactlab.studies.search.front import (
 )
 from contactlab.studies.search.report_text import sentence_of
 from contactlab.studies.search.search_space import find_integrators, find_parameters
+from contactlab.studies.search.seed_errors import SeededPoint, narrow_errors
 from contactlab.studies.search.settings_search import (
     SAVING,
     Bound,
     Ending,
     Evaluation,
+    OutOfTimeError,
     Search,
     SearchSpace,
     error_of,
@@ -118,6 +121,13 @@ def tune_model(
     return report
 
 
+class _ErrorFields(TypedDict):
+    error: float
+    error_low: float | None
+    error_high: float | None
+    error_seeds: int
+
+
 class TuningStudy:
     """The study of one model."""
 
@@ -159,6 +169,7 @@ class TuningStudy:
             sleep_work=problem.sleep_work,
         )
         self._errors = dict[Key, ErrorEstimate]()
+        self._points_seconds = 0.0  # counted time of the errors of points so far
         self._divergence: Divergence | None = None
         self._target = self._find_target()
         self._goals = self._find_goals()
@@ -356,13 +367,12 @@ class TuningStudy:
         if answer is None:
             reason = self._verifier.skipped[-1].reason
             return point.model_copy(update={"verification": reason})
-        verification, own = (
-            answer.verification,
-            self._verifier.errors.get(evaluation.configuration.key),
-        )
+        verification = answer.verification
+        own = self._verifier.errors.get(evaluation.configuration.key)
+        errors = self._narrow_errors([evaluation], [own], [evaluation]) if own else []
         return point.model_copy(
             update={
-                **({} if own is None else _describe_error(own)),
+                **(_describe_error(errors[0]) if errors else {}),
                 "state": "verified" if verification.holds else "failed",
                 "verification": verification.sentence,
                 "verified": verification,
@@ -391,6 +401,7 @@ class TuningStudy:
         }
         verified_ones = [answer.evaluation for answer in answers.values()]
         points, errors = self._choose_points([verifier.current, *verified_ones])
+        errors = self._narrow_errors(points, errors, [verifier.current, *verified_ones])
         self._time_points(points)
         rows = zip(self._name_points(points), points, errors, strict=True)
         by_error = drop_slower(
@@ -430,9 +441,61 @@ class TuningStudy:
         if key in known:
             self._errors[key] = known[key]
         elif key not in self._errors:
-            model = self._search.space.model_of(evaluation.configuration)
-            step = self._problem.timestep_of(evaluation.configuration)
-            self._errors[key] = self._problem.measure_error(model, step, seeds)
+            own = self._problem.judged.task.seeds[:seeds]
+            self._errors[key] = self._measure_on(evaluation, own)
+            self._points_seconds += len(own) * self._seconds_of(evaluation)
+
+    def _measure_on(self, evaluation: Evaluation, seeds: Sequence[int]) -> ErrorEstimate:
+        model = self._search.space.model_of(evaluation.configuration)
+        step = self._problem.timestep_of(evaluation.configuration)
+        return self._problem.measure_error(model, step, seeds)
+
+    def _seconds_of(self, evaluation: Evaluation) -> float:
+        # Counted time of the error on one seed.
+        return self._problem.measuring_seconds * evaluation.cost
+
+    def _narrow_errors(
+        self,
+        points: Sequence[Evaluation],
+        errors: Sequence[ErrorEstimate],
+        marked: Sequence[Evaluation],
+    ) -> list[ErrorEstimate]:
+        # Return errors on more seeds, as far as the work allows: first of the marked points, then
+        # of those that cost little. A point that moves
+        # as written has the error as written.
+        if self._target.unit != "1":
+            return list(errors)
+        marked_keys = [one.configuration.key for one in marked]
+        pairs = list(zip(points, errors, strict=True))
+        seeded = dict[Key, SeededPoint]()
+        for one, error in sorted(
+            pairs, key=lambda pair: (pair[0].configuration.key not in marked_keys, pair[0].cost)
+        ):
+            if math.isfinite(error.error) and error.by_phase:
+                seeded.setdefault(self._motion_key(one), self._seed_point(one, error))
+        problem = self._problem
+        allowed = PLAN.points / PLAN.search * problem.work - self._points_seconds
+        allowed += self._search.work_left * problem.trial_seconds
+        try:
+            narrow_errors(list(seeded.values()), len(problem.judged.task.seeds), allowed)
+        except OutOfTimeError:
+            self._verifier.ending = "time"
+        known = {key: point.error for key, point in seeded.items()}
+        return [known.get(self._motion_key(one), error) for one, error in pairs]
+
+    def _motion_key(self, evaluation: Evaluation) -> Key:
+        return (self._search.current if evaluation.exact else evaluation.configuration).key
+
+    def _seed_point(self, evaluation: Evaluation, error: ErrorEstimate) -> SeededPoint:
+        fresh = max(self._problem.judged.task.seeds) + 1
+
+        def measure_fresh(used: int, count: int) -> ErrorEstimate:
+            if self._time_limit.remaining < 0:
+                raise OutOfTimeError
+            seeds = range(fresh + used, fresh + used + count)
+            return self._measure_on(evaluation, seeds)
+
+        return SeededPoint(error, self._seconds_of(evaluation), measure_fresh)
 
     def _choose_forward(
         self, candidates: Sequence[Evaluation], marked: Sequence[Evaluation]
@@ -565,10 +628,7 @@ class TuningStudy:
             name=name,
             marks=("as written",) * is_current + tuple(own),
             candidate=self._describe_candidate(evaluation),
-            error=error.error,
-            error_low=_low_of(error),
-            error_high=_high_of(error),
-            error_seeds=len(error.shares),
+            **_describe_error(error),
             real_time=1 / self._clock.base_seconds / self._time_share(evaluation),
             state=state,
             verification=answer.verification.sentence if answer else failed,
@@ -797,21 +857,11 @@ class TuningStudy:
         )
 
 
-def _describe_error(error: ErrorEstimate) -> dict[str, object]:
-    return {
-        "error": error.error,
-        "error_low": _low_of(error),
-        "error_high": _high_of(error),
-        "error_seeds": len(error.shares),
-    }
-
-
-def _low_of(error: ErrorEstimate) -> float | None:
-    return error.low if len(error.shares) != 1 else None  # one seed has no range
-
-
-def _high_of(error: ErrorEstimate) -> float | None:
-    return error.high if len(error.shares) != 1 else None
+def _describe_error(error: ErrorEstimate) -> _ErrorFields:
+    seeds = len(error.shares)
+    ends = (error.low, error.high) if seeds != 1 else (math.inf, math.inf)  # one has no range
+    low, high = (end if math.isfinite(end) else None for end in ends)
+    return {"error": error.error, "error_low": low, "error_high": high, "error_seeds": seeds}
 
 
 def _change_reference(model: mujoco.MjModel, change: ModelChange) -> mujoco.MjModel:

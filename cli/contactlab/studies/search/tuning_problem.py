@@ -292,9 +292,9 @@ class TuningProblem:
         return evaluations(motions[0].model, settings) * steps * count_pace(motions)
 
     def measure_error(
-        self, model: mujoco.MjModel, timestep: float, seeds: int | None = None
+        self, model: mujoco.MjModel, timestep: float, seeds: Sequence[int] | None = None
     ) -> ErrorEstimate:
-        """Return the numerical error of a candidate, on all seeds of its task or on the first ones.
+        """Return the numerical error of a candidate, on the seeds of its task or on others.
 
         It is that of `contactlab MODEL`, with references of the model as written.
         """
@@ -305,7 +305,7 @@ class TuningProblem:
             set_timestep(changed, timestep)
             return changed
 
-        task = judged.task.model_copy(update={"seeds": judged.task.seeds[:seeds]})
+        task = judged.task.model_copy(update={"seeds": tuple(seeds or judged.task.seeds)})
         motions = judged.motions_of(task, {**judged.values, "timestep": timestep}, replace_model)
         return ErrorEstimate.of_budget(self._measure_budget(motions, from_original=True))
 
@@ -450,8 +450,12 @@ class TuningProblem:
     @property
     def search_passes(self) -> float:
         """Error estimates of the model as written that the work allows."""
-        each = self.cost.pass_seconds * self.seeds / self._window_stride
-        return self._trial_work / each
+        return self._trial_work / self.trial_seconds
+
+    @property
+    def trial_seconds(self) -> float:
+        """Counted time of one such estimate [s]."""
+        return self.cost.pass_seconds * self.seeds / self._window_stride
 
     @property
     def sleep_work(self) -> float:
