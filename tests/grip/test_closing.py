@@ -6,10 +6,15 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from tests.grip.grippers import claw
+from tests.grip.grippers import TENDON_JAWS, claw
 
 from contactlab.scene.model_names import name_by_address
-from contactlab.studies.grip.closing import close_at, find_closing, squeeze_object
+from contactlab.studies.grip.closing import (
+    close_at,
+    contact_frame,
+    find_closing,
+    squeeze_object,
+)
 from contactlab.studies.grip.fingers import find_hand
 from contactlab.studies.grip.grip_fixture import GripFixture, add_object, mount_hand
 from contactlab.studies.grip.gripped_object import DEFAULT_OBJECT
@@ -96,3 +101,12 @@ def test_ranges_in_the_wrong_unit_are_told(tmp_path: Path) -> None:
         (tmp_path / "claw.xml").write_text(text, encoding="utf-8")
         report = judge_grip(GripRequest(str(tmp_path / "claw.xml"), fixes=False, placements=False))
         assert any("these numbers are radians" in note for note in report.notes) == told
+
+
+def test_flat_pads_hold_their_object_in_their_middle() -> None:
+    """Their nearest points are any of the pads: MuJoCo takes a corner."""
+    fixture = rig_of(TENDON_JAWS["coupled"])
+    point, turn = contact_frame(fixture, find_closing(fixture))
+    palm, pad = 0.3, -0.02 - 0.05
+    assert point == pytest.approx([0, 0, palm + pad], abs=1e-3)
+    assert np.abs(turn.T @ [0, 0, 1]) == pytest.approx([0, 0, 1], abs=1e-3)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import mujoco
 import pytest
-from tests.grip.grippers import claw, claw_with_bar
+from tests.grip.grippers import TENDON_JAWS, claw, claw_with_bar
 from tests.grip.test_fingers import arm
 
 from contactlab.errors import SceneError
@@ -76,3 +76,10 @@ def test_legs_are_no_hand(dog: str, tmp_path: Path) -> None:
 def test_a_hand_that_stands_alone_is_judged(tmp_path: Path) -> None:
     fact = describe_fact(*saved(tmp_path, claw()), QPOS0)
     assert fact.sentence.startswith("its hand (claw) creeps")
+
+
+@pytest.mark.parametrize("kind", TENDON_JAWS)
+def test_jaws_that_one_tendon_closes_are_a_hand(kind: str, tmp_path: Path) -> None:
+    fact = describe_fact(*saved(tmp_path, TENDON_JAWS[kind]), QPOS0)
+    assert fact.sentence.startswith("its hand (palm) creeps: a box of 30x40x40 mm")
+    assert fact.value < 5e-3

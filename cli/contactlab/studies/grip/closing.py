@@ -54,6 +54,7 @@ class _ClosingProtocol:
         resting_speed: speed of an object at rest [m/s]: a quarter of the creep limit.
         centered_share: offset of the object from the pads, over its largest half extent.
         on_axis_share: shorter directions out of the hand, over that extent, say nothing.
+        pad_tilt: half the tilt of a pad that finds the middle of flat pads [rad].
         depths: places to try, in extents of the object toward the base, then away from it.
         overlap_share: largest overlap at the start, in half widths of the object.
         far_extents: distance of the unused object, in extents of the model.
@@ -76,6 +77,7 @@ class _ClosingProtocol:
     resting_speed: float = 2.5e-5
     centered_share: float = 1e-3
     on_axis_share: float = 1e-3
+    pad_tilt: float = 1e-3
     depths: tuple[float, ...] = (0.0, 0.5, 1.0, 1.5, -0.25, -0.5)
     overlap_share: float = 0.02
     far_extents: float = 1e3
@@ -399,6 +401,21 @@ def _measure_clearance(
     return float(gap), ends.reshape(2, 3)
 
 
+def _find_pad_center(model: mujoco.MjModel, qpos: Floats, pair: tuple[int, int]) -> Floats:
+    # The mean (3,) of the nearest points of two geoms, one of them tilted to each side [m].
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(model, data)
+    upright, turn = data.geom_xmat[pair[1]].copy(), np.empty(9)
+    ends, middles = np.zeros(6), list[Floats]()
+    for tilt in product((-_CLOSING.pad_tilt, _CLOSING.pad_tilt), repeat=3):
+        mujoco.mju_quat2Mat(turn, np.array([1.0, *tilt]) / math.hypot(1.0, *tilt))
+        data.geom_xmat[pair[1]] = (turn.reshape(3, 3) @ upright.reshape(3, 3)).ravel()
+        mujoco.mj_geomDistance(model, data, *pair, 10 * model.stat.extent, ends)
+        middles.append(ends.reshape(2, 3).mean(axis=0))
+    return np.mean(middles, axis=0)
+
+
 def fit_object(fixture: GripFixture, closing: Closing, factor: float = 1.0) -> GrippedObject:
     """Return the default object, scaled to fit the hand.
 
@@ -424,7 +441,7 @@ def fit_object(fixture: GripFixture, closing: Closing, factor: float = 1.0) -> G
 def pads_center(fixture: GripFixture, closing: Closing) -> Floats | None:
     """Return the center (3,) [m] of pads that press on a box; None if they do not hold it.
 
-    The nearest points of flat pads may be corners, between which a round object rolls out.
+    A round object rolls out from between pads that it is not centered on.
     """
     try:
         squeeze = squeeze_object(fixture, closing)
@@ -449,7 +466,8 @@ def _finger_contacts(fixture: GripFixture, closing: Closing, at: int) -> tuple[F
     """Return the center of the pads in a configuration of the closing path, and a rotation.
 
     The first axis is the direction of approach. The direction between the nearest points may be off
-    on flat or wedged pads, where these points are corners.
+    on flat or wedged pads, where these points are corners. The center is the mean over small tilts
+    of a pad to all sides, so that it is the middle of flat pads.
     """
     earlier = closing.gaps > closing.gaps[at] + _CLOSING.approach_share * closing.opening
     before = int(np.flatnonzero(earlier)[-1]) if earlier.any() else 0
@@ -457,12 +475,13 @@ def _finger_contacts(fixture: GripFixture, closing: Closing, at: int) -> tuple[F
         _measure_clearance(fixture.model, closing.path[at], pair)[1] for pair in closing.pairs
     ]
     ends: Floats = np.array(contact_ends).mean(axis=0)
+    centers = [_find_pad_center(fixture.model, closing.path[at], pair) for pair in closing.pairs]
     apart = [
         np.mean([places[other] - places[one] for one, other in closing.pairs], axis=0)
         for places in (_geoms_at(fixture.model, closing.path[each]) for each in (before, at))
     ]
     axis = apart[0] - apart[1] if before < at else ends[1] - ends[0]
-    point = ends.mean(axis=0)
+    point: Floats = np.mean(centers, axis=0)
     return point, _object_frame(fixture, point, axis / np.linalg.norm(axis))
 
 
