@@ -11,6 +11,7 @@ from contactlab.budget.motion import INTEGRATION
 from contactlab.studies.examine.design_causes import find_sagging_servo
 from contactlab.studies.examine.permanent_overlaps import find_permanent_overlaps
 from contactlab.studies.examine.standing_starts import find_fall, list_standing_poses
+from contactlab.studies.examine.undone_designs import TaskEnds
 
 COVERED = """<mujoco><worldbody>
   <body name="arm"><joint axis="0 1 0"/><geom type="capsule" size=".03" fromto=".1 0 0 .35 0 0"/>
@@ -90,7 +91,7 @@ def test_joints_are_held_where_their_controls_are_within_their_range(
 @pytest.mark.parametrize(("gain", "sags"), [(6.0, True), (60.0, False)])
 def test_a_servo_sags_by_the_torque_of_its_load_over_its_gain(gain: float, *, sags: bool) -> None:
     """At rest, k q = m g l cos(q); a twentieth of a turn is 18 degrees."""
-    found = list(find_sagging_servo(motion_of(CRANE.format(gain=gain, aim=0), 8.0)))
+    found = list(find_sagging_servo(TaskEnds(motion_of(CRANE.format(gain=gain, aim=0), 8.0))))
     assert len(found) == sags
     angle = 0.0
     for _ in range(200):
@@ -102,4 +103,4 @@ def test_a_servo_sags_by_the_torque_of_its_load_over_its_gain(gain: float, *, sa
 def test_a_control_that_allows_for_its_load_is_no_sag() -> None:
     """It aims above the level at which the load holds it."""
     aim = 9.81 * 0.4 / 6
-    assert list(find_sagging_servo(motion_of(CRANE.format(gain=6, aim=aim), 8.0))) == []
+    assert list(find_sagging_servo(TaskEnds(motion_of(CRANE.format(gain=6, aim=aim), 8.0)))) == []

@@ -10,7 +10,6 @@ from contactlab.budget import Motion
 from contactlab.contact.trace_arrays import Floats
 from contactlab.measure.friction import RATE
 from contactlab.rendering.amounts import format_digits, format_percent
-from contactlab.scene.closed_start import moving_extent
 from contactlab.scene.contact_pairs import half_extents
 from contactlab.schema.examination import Cause
 from contactlab.schema.grip import GripReport
@@ -19,35 +18,29 @@ from contactlab.studies.examine.standing_starts import (
     list_held_positions,
     step_first_seed,
 )
+from contactlab.studies.examine.undone_designs import TaskEnds
 
 _HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
 _MOST_SPEED = RATE.default or 0.0  # sizes per second: faster, a body does not rest
 
 
-def find_sagging_servo(motion: Motion, most: float = 0.05) -> Iterator[Cause]:
+def find_sagging_servo(ends: TaskEnds, most: float = 0.05) -> Iterator[Cause]:
     """Yield the servo that moves farthest from where it begins, and where its control holds it.
 
     It rests at the end, and no contact, limit or equality carries a tenth of its force.
 
     Args:
-        motion: with constant controls.
+        ends: of the task.
         most: share of a joint's range that a servo may yield to its load.
     """
-    model, data = motion.model, begin_motion(motion)
-    if np.any(motion.inputs[0] != motion.inputs[0][0]):
+    if not ends.is_driven_evenly:
         return
-    begun = {joint: float(data.qpos[model.jnt_qposadr[joint]]) for joint in range(model.njnt)}
-    extent = moving_extent(model, data)
-    for _ in step_first_seed(motion, data):
-        pass
-    mujoco.mj_forward(model, data)
+    model, data = ends.model, ends.end
     worst, sentence = most, ""
-    for joint, aim in list_held_positions(model, data):
+    for _, joint, aim in list_held_positions(model, data):
         dof, hinge = int(model.jnt_dofadr[joint]), int(model.jnt_type[joint]) == _HINGE
-        limited = bool(model.jnt_limited[joint])
-        size = float(np.ptp(model.jnt_range[joint])) if limited else 2 * math.pi
-        size = size if limited or hinge else extent
-        begin, end = begun[joint], float(data.qpos[model.jnt_qposadr[joint]])
+        size, place = ends.find_size(joint), int(model.jnt_qposadr[joint])
+        begin, end = float(ends.begin.qpos[place]), float(data.qpos[place])
         carried = abs(data.qfrc_constraint[dof]) > 0.1 * abs(data.qfrc_actuator[dof])
         moves = abs(data.qvel[dof]) > _MOST_SPEED * size
         sag = min(abs(end - aim), abs(end - begin)) / size
@@ -69,12 +62,13 @@ def find_sagging_servo(motion: Motion, most: float = 0.05) -> Iterator[Cause]:
 def find_lost_grip(model: mujoco.MjModel, grip: GripReport, sentence: str) -> Iterator[Cause]:
     """Yield the cause of a grip that does not hold, as `contactlab grip` judges it.
 
-    An object that a keyframe holds may creep as fast as any other at rest.
+    An object that a keyframe holds may creep as fast as any other at rest, and is judged as it is:
+    in other directions, its weight is not that of the task.
     """
     if grip.holds:
         return
     creeps = grip.verdict == "creeps" and grip.keyframe is not None
-    if creeps and grip.worst_speed <= _MOST_SPEED * _measure_held_size(model, grip):
+    if creeps and (grip.drifts[0].speed or 0.0) <= _MOST_SPEED * _measure_held_size(model, grip):
         return
     is_choice = any(cause.kind == "regularized friction" for cause in grip.causes)
     yield Cause(stage="modeling choice" if is_choice else "design", sentence=sentence)

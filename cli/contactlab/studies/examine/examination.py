@@ -18,6 +18,7 @@ from contactlab.budget.counted_time import WorkLimit
 from contactlab.closed_loop.loop_margins import LoopStudy
 from contactlab.errors import SweepFileError
 from contactlab.judge.waivers import unused_waivers
+from contactlab.modifications.numerics import CONVERGED_SOLVER
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.printable import first_names
 from contactlab.scene.model_writer import refuse_place, write_model
@@ -79,6 +80,11 @@ from contactlab.studies.examine.servo_table import (
     measure_task_servos,
 )
 from contactlab.studies.examine.standing_starts import list_falls, list_free_falls
+from contactlab.studies.examine.undone_designs import (
+    TaskEnds,
+    list_idle_facts,
+    list_undone_designs,
+)
 from contactlab.studies.examine.verified_fixes import FixVerifier
 from contactlab.studies.grip.grip_fact import describe_grip, find_grip
 from contactlab.studies.verification import VerificationRequest, verify_change
@@ -300,7 +306,7 @@ def _measure_budget(
     model = examined.motions[0].model
     grip = None if request.assign else find_grip(request.model, model, task.start)
     is_known = bool(broken) or any(fault.is_certain for fault in faults)
-    designs = () if is_known else tuple(_list_design_causes(examined, grip))
+    designs = () if is_known else tuple(_list_design_causes(examined, report.labels, grip))
     repaired = replace(repaired, causes=(*repaired.causes, *designs))
     if "fixes" in request.sections and not broken:
         repairer = _make_repairer(request, examined, report, folder, limit)
@@ -333,6 +339,7 @@ def _measure_budget(
             *explain_depth(facts(examined.motions, times), examined),
             *list_inertia_facts(examined.prepared.model),
             *(() if designs else list_sagging_servos(report.servos)),
+            *list_idle_facts(TaskEnds(examined.motions[0])),
             *list_loop_facts(report.loop),
             *(list_unheld_servos(report.servos) if request.assign else ()),  # as lint has them
             *(() if grip is None else (describe_grip(grip),)),
@@ -377,7 +384,7 @@ def _repair_design(
         if grip is not None:
             model = examined.motions[0].model
             grip = find_grip(examined.reference, model, examined.task.start)
-        designs = tuple(_list_design_causes(examined, grip))
+        designs = tuple(_list_design_causes(examined, repaired.labels, grip))
     elif repaired.causes:
         designs = ()
     for cause in designs:
@@ -388,13 +395,19 @@ def _repair_design(
     return repaired
 
 
-def _list_design_causes(examined: CheckedModel, grip: GripReport | None) -> Iterator[Cause]:
-    if examined.budget_verdict.word not in PASSING_VERDICTS:
+def _list_design_causes(
+    examined: CheckedModel, labels: Sequence[RunLabel], grip: GripReport | None
+) -> Iterator[Cause]:
+    # Only of runs with sound numerics: an object creeps from jaws whose solver has not converged.
+    unsolved = any(label.label in CONVERGED_SOLVER.labels for label in labels)
+    if unsolved or examined.budget_verdict.word not in PASSING_VERDICTS:
         return
     motion = examined.motions[0]
     if grip is not None:
         yield from find_lost_grip(motion.model, grip, describe_grip(grip).sentence)
-    yield from find_sagging_servo(motion)
+    ends = TaskEnds(motion)
+    yield from find_sagging_servo(ends)
+    yield from list_undone_designs(ends)
 
 
 def sections_of(names: Sequence[str]) -> tuple[SectionName, ...]:

@@ -41,6 +41,14 @@ class StandingPose(NamedTuple):
     difference: str
 
 
+class HeldPosition(NamedTuple):
+    """A position servo, its joint, and the position that its control holds it at [rad, m]."""
+
+    actuator: int
+    joint: int
+    position: float
+
+
 def list_standing_poses(motion: Motion) -> Iterator[StandingPose]:
     """Yield poses near that of a keyframe: joints as its controls hold them, then a root upright.
 
@@ -48,7 +56,7 @@ def list_standing_poses(motion: Motion) -> Iterator[StandingPose]:
     """
     model, data = motion.model, begin_motion(motion)
     held = data.qpos.copy()
-    for joint, position in list_held_positions(model, data):
+    for _, joint, position in list_held_positions(model, data):
         held[model.jnt_qposadr[joint]] = position
     if not np.array_equal(held, data.qpos):
         yield StandingPose(held, "its joints where its controls hold them")
@@ -153,8 +161,8 @@ def begin_motion(motion: Motion) -> mujoco.MjData:
     return data
 
 
-def list_held_positions(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[tuple[int, float]]:
-    """Yield joints of position servos, and where their controls hold them within their ranges."""
+def list_held_positions(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[HeldPosition]:
+    """Yield the position servos of joints, and where their controls hold these in their ranges."""
     servos = np.isin(model.actuator_trntype, AT_JOINT) & (model.actuator_biasprm[:, 1] < 0)
     servos &= (model.actuator_gaintype == _FIXED_GAIN) & (model.actuator_biastype == _AFFINE_BIAS)
     for actuator in np.flatnonzero(servos).tolist():
@@ -166,7 +174,7 @@ def list_held_positions(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[
         position = -(gain * data.ctrl[actuator] + bias[0]) / (bias[1] * gear)
         if model.jnt_limited[joint]:
             position = float(np.clip(position, *model.jnt_range[joint]))
-        yield joint, float(position)
+        yield HeldPosition(actuator, joint, float(position))
 
 
 def _find_roots(model: mujoco.MjModel) -> list[int]:
