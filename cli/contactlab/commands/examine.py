@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from contactlab.schema.examination import Examination, Examinations
     from contactlab.schema.finding import Waiver
     from contactlab.studies.examine.examination import ExamineRequest
+    from contactlab.studies.grip.grip_fixes import Grip
     from contactlab.tasks.session import Session
     from contactlab.writers import Report
 
@@ -90,12 +91,13 @@ def _examine_model(
                 if file.is_dir():
                     raise OutputError(f"{file} is a folder; write the name of a file, as in a.json")
         session = Session(folder, worker_count(workers), notify=say, allow_code=allow_code)
-        report = run(replace(request, begins=begin), session)
+        grips = list["Grip"]()
+        report = run(replace(request, begins=begin, film=grips.append), session)
         if file is None:
             report = report.model_copy(update={"evidence": str(folder)})
         if page:
             begin("drawing its page")
-            report = _draw_page(report, session, file or folder / _PAGE)
+            report = _draw_page(report, session, file or folder / _PAGE, grips)
         if live:
             begin("writing the page that simulates")
             page_file = file.with_suffix(_LIVE) if file else folder / f"page{_LIVE}"
@@ -157,27 +159,26 @@ def _write_live_page(report: "Examination", session: "Session", file: Path) -> N
     say(f"wrote {file}, {file.stat().st_size / 1e6:.2g} MB")
 
 
-def _draw_page(report: "Examination", session: "Session", file: Path) -> "Examination":
-    """Draw the page of an examination, from the store of its runs, with a film of its grip."""
+def _draw_page(
+    report: "Examination", session: "Session", file: Path, grips: "Sequence[Grip]"
+) -> "Examination":
+    """Draw the page of an examination, from the store of its runs, with films of its grips."""
     from contactlab.page.report_files import write_page
     from contactlab.reporting.report import PageRequest
     from contactlab.store.finished_store import Store
-    from contactlab.studies.grip.grip_fact import film_grip
     from contactlab.studies.grip.grip_film import film_writer
     from contactlab.tasks.checked_model import TASK_STORE
 
-    grip = None
-    if any(fact.kind == "grip" for fact in report.facts):
-        film = session.folder / "grip.gif"
+    film = None
+    for grip in grips:
         try:
-            writer = film_writer(film, size=(480, 360), rate=10)
-            film_grip(report.model, report.task.start, writer)
-            grip = film
+            film_writer(session.folder / "grip.gif", size=(480, 360), rate=10)(grip)
+            film = session.folder / "grip.gif"
         except (SceneError, OutputError) as error:
             say(f"note: no film of its grip: {error}")
     report = report.model_copy(update={"page": str(file)})
     store = Store.open(session.folder / TASK_STORE)
-    write_page(store, file, PageRequest(examination=report, grip=grip))
+    write_page(store, file, PageRequest(examination=report, grip=film))
     return report
 
 

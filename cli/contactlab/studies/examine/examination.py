@@ -87,6 +87,7 @@ from contactlab.studies.examine.undone_designs import (
 )
 from contactlab.studies.examine.verified_fixes import FixVerifier
 from contactlab.studies.grip.grip_fact import describe_grip, find_grip
+from contactlab.studies.grip.grip_fixes import Grip
 from contactlab.studies.verification import VerificationRequest, verify_change
 from contactlab.tasks.checked_model import CheckedModel, open_changed_model, open_model
 from contactlab.tasks.session import Session, Values
@@ -125,6 +126,7 @@ class ExamineRequest:
         apply: names of fixes that make another model, which are written too.
         max_cpu: counted time within which it ends [s], with the results until then.
         begins: called with the name of each part of the examination when it begins.
+        film: called with the grip of the model as written, if the report has one.
     """
 
     model: str
@@ -137,6 +139,7 @@ class ExamineRequest:
     apply: Sequence[str] = ()
     max_cpu: float = MAX_CPU
     begins: Callable[[str], None] = lambda _: None
+    film: Callable[[Grip], None] = lambda _: None
 
     @property
     def has_runs(self) -> bool:
@@ -304,7 +307,7 @@ def _measure_budget(
         causes, broken = judge_fields(examined.motions, times, failing=not repaired.passes)
         repaired = replace(repaired, causes=(*repaired.causes, *causes))
     model = examined.motions[0].model
-    grip = None if request.assign else find_grip(request.model, model, task.start)
+    grip = None if request.assign else find_grip(request.model, model, task.start, request.film)
     is_known = bool(broken) or any(fault.is_certain for fault in faults)
     designs = () if is_known else tuple(_list_design_causes(examined, report.labels, grip))
     repaired = replace(repaired, causes=(*repaired.causes, *designs))

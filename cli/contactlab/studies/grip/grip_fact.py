@@ -15,37 +15,32 @@ from contactlab.studies.grip.grip_fixes import Grip
 from contactlab.studies.grip.gripping import GripRequest, judge_grip
 
 
-def find_grip(reference: str, model: mujoco.MjModel, start: str) -> GripReport | None:
+def find_grip(
+    reference: str,
+    model: mujoco.MjModel,
+    start: str,
+    film: Callable[[Grip], None] = lambda _: None,
+) -> GripReport | None:
     """Judge whether the object held at the start, or otherwise the robot's own hand, stays in grip.
 
     A robot that is fixed to the world is reported only if the object stays, since legs drop it.
-    None without such a grip.
+    None without such a grip. `film` is called with the grip of the report.
     """
     for request in _grip_requests(reference, start):
+        grips = list[Grip]()
         try:
             carried = request.keyframe is not None or _is_carried(model)
             if not carried and not _is_fixed_hand(model):
                 continue
-            report = judge_grip(request)
+            report = judge_grip(replace(request, film=grips.append))
         except SceneError:
             continue  # nothing is held, or there is no hand
-        return report if carried or report.verdict != "drops" else None
+        if not carried and report.verdict == "drops":
+            return None
+        for grip in grips:
+            film(grip)
+        return report
     return None
-
-
-def film_grip(reference: str, start: str, film: Callable[[Grip], None]) -> None:
-    """Film the grip of `grip_facts`.
-
-    Raises:
-        SceneError: the model has no grip.
-    """
-    for request in _grip_requests(reference, start):
-        try:
-            judge_grip(replace(request, film=film))
-        except SceneError:
-            continue
-        return
-    raise SceneError(f"{reference}: no gripper found; pass --keyframe or --base")
 
 
 def _grip_requests(reference: str, start: str) -> Iterator[GripRequest]:

@@ -63,8 +63,11 @@ REPEATED_RUNS = 16
 LABEL_CHANCE = 0.125
 """A label of chaotic motion is worse if three of sixteen runs have it that none had: equal models
 have that by chance once in nine times, and a new label was seen before."""
-_RATES = (8, 10, 12, 16, 20, 25, 32)
+_RATES = (8, 10, 12, 16, 20, 24, 25, 32, 40)
 """Steps of the reference in one step of the original. One of them fits nearly any usual ratio."""
+_LEAST_STEPS = 2
+"""Steps of the reference in one of the changed model. A reference with one is the changed model
+itself, so that its error seems to be zero."""
 _COARSE_RATES = (2, 3, 4, 5, 6)
 """The same of a reference that is fine enough for errors far below the limit."""
 _CLEAR_SHARE = 0.25
@@ -237,13 +240,10 @@ def summarize_measures(measures: Sequence[VerifiedMeasure]) -> str:
         more = f" (and {len(worse) - 1} more)" if len(worse) > 1 else ""
         return f"{describe_measure(first)}{more}"
     runs = len({measure.run for measure in measures})
-    better = [measure for measure in measures if _is_better(measure)]
-    # The numerical error is the usual reason of a change.
-    best = max(
-        better,
-        key=lambda each: (each.name == "numerical error", measure_change(each)),
-        default=None,
-    )
+    # The line of a fix, and a point of the front, have the numerical error.
+    others = (measure for measure in measures if measure.name != "numerical error")
+    better = [measure for measure in others if _is_better(measure)]
+    best = max(better, key=measure_change, default=None)
     gain = f"; {describe_measure(best)}" if best else ""
     return f"nothing worse in {len(measures)} measures of {runs} runs{gain}"
 
@@ -484,7 +484,7 @@ class _Panel:
                 break
             pair = _measure_error_pair(self._request, (name, own, other), floor)
             if pair is None:
-                reason = "the step is not a multiple of any reference's step"
+                reason = "its step has no two steps of any reference"
                 self._skip_run("numerical error", reason)
                 break
             pairs[name] = pair
@@ -609,7 +609,7 @@ def _measure_error_pair(
     # The result is the error before and after; no error up to `floor` is worse. A coarse reference
     # is tried if the original's budget says that its error is small.
     if _is_known_small(request.original, floor / 2):
-        pair = _measure_errors_at(request, run, _COARSE_RATES, least=2)
+        pair = _measure_errors_at(request, run, _COARSE_RATES)
         if pair is not None and all(each.error <= _CLEAR_SHARE * floor for each in pair):
             return pair
     return _measure_errors_at(request, run, _RATES)
@@ -625,17 +625,14 @@ def _measure_errors_at(
     request: VerificationRequest,
     run: tuple[str, Sequence[Motion], Sequence[Motion]],
     rates: Sequence[int],
-    least: int = 1,
 ) -> tuple[ErrorEstimate, ErrorEstimate] | None:
-    # A step of the changed model has at least `least` steps of the reference.
     name, own, other = run
     threads, known_errors = request.original.threads, request.runs.references
     shared = request.same_model and _state_size(own[0].model) == _state_size(other[0].model)
     # Another model is compared with its own motion at a fine step.
     ratio = float(other[0].model.opt.timestep / own[0].model.opt.timestep) if shared else 1.0
-    rate = next(
-        (each for each in rates if _is_whole(each * ratio) and round(each * ratio) >= least), None
-    )
+    fitting = (each for each in rates if _is_whole(each * ratio))
+    rate = next((each for each in fitting if round(each * ratio) >= _LEAST_STEPS), None)
     if rate is None:
         return None
     if (name, rate) not in known_errors:
