@@ -1,11 +1,12 @@
 """The points of a front in plain loops of MuJoCo: their errors and times on unseen seeds.
 
-Run: python -m bench.tune_front FOLDER ...
+Run: python -m bench.tune_front [--errors | --times] FOLDER ...
 
-A folder is the output of `contactlab tune MODEL -o FOLDER`. Each point is built from the settings
-of its report, or loaded if it was written. Errors are those of `bench/tune_error.py`. Seeds are
-added until their mean is known to 5 %, or for a minute. Times are the medians of CPU times of whole
-runs, in turns, without the time that it takes to set inputs.
+A folder is the output of `contactlab tune MODEL -o FOLDER`. `--errors` alone may run on a busy
+machine, `--times` alone may not. Each point is built from the settings of its report, or loaded if
+it was written. Errors are those of `bench/tune_error.py`. Seeds are added until their mean is known
+to 5 %, or for a minute. Times are the medians of CPU times of whole runs, in turns, without the
+time that it takes to set inputs.
 """
 
 import sys
@@ -30,6 +31,7 @@ from contactlab.parts import register_parts
 from contactlab.schema.tune_report import REPORT, FrontPoint, TuneReport
 
 FIRST, BATCH, MOST_SEEDS, TIMED_SEEDS, TURNS = 1000, 8, 240, 3, 7
+ERROR_TOLERANCE, TIME_TOLERANCE = 0.2, 0.07
 PRECISION, SECONDS = 0.05, 60.0
 """Standard error of means that is wanted, as a share; CPU time of a model's errors at most [s]."""
 ENUMS = {
@@ -194,38 +196,67 @@ def run_once(
     return taken / (steps * step)
 
 
-def measure_front(folder: Path) -> None:
-    """Print the claimed and the measured error and time of each point of a study."""
+def measure_front(folder: Path, *, errors: bool = True, times: bool = True) -> None:
+    """Print the claimed and the measured errors and times of each point of a study."""
     report = TuneReport.model_validate_json((folder / REPORT).read_text())
     models = [build_point(report, point, folder) for point in report.front]
-    written = mujoco.MjModel.from_xml_path(file_of(report.model))
-    errors, apart = measure_errors(report, models)
-    task = report.task.model_copy(update={"seeds": tuple(range(FIRST, FIRST + TIMED_SEEDS))})
-    motions, own = motions_of(report, task), float(written.opt.timestep)
-    times = time_runs(motions, [written, *models], own)[1:]
-    right = {"error within 20 %": 0, "range covers": 0, "time within 7 %": 0}
-    for point, error, known, ratio in zip(report.front, errors, apart, times, strict=True):
-        claimed, timed = point.error or np.nan, point.candidate.time_ratio
-        shown = timed.ratio if timed else point.candidate.cost or np.nan
+    if errors:
+        compare_errors(folder.name, report, models)
+    if times:
+        compare_times(folder.name, report, models)
+
+
+def compare_errors(name: str, report: TuneReport, models: Sequence[mujoco.MjModel]) -> None:
+    """Print the claimed and the measured error of each point."""
+    close = covered = 0
+    for point, error, known in zip(report.front, *measure_errors(report, models), strict=True):
+        claimed = point.error or np.nan
         low, high = point.error_low or 0.0, point.error_high or np.inf
         slack = 2 * known + 1e-3 * error  # motions without chance differ in their last digits
         covers = low - slack <= error <= high + slack
-        right["error within 20 %"] += abs(error / claimed - 1) <= 0.2
-        right["range covers"] += covers
-        right["time within 7 %"] += abs(ratio / shown - 1) <= 0.07
+        close += abs(error / claimed - 1) <= ERROR_TOLERANCE
+        covered += covers
         print(
-            f"{folder.name:10} {point.number} {point.name[:24]:24} error {claimed:9.4%} measured "
-            f"{error:9.4%} +- {known / error:.0%} ({error / claimed - 1:+6.1%})"
-            f"{'' if covers else ' OUTSIDE'}   time x{shown:.3f} measured x{ratio:.3f} "
-            f"({ratio / shown - 1:+6.1%}){'' if timed else ' counted'}",
+            f"{name:10} {name_point(point):40} error {claimed:9.4%} ({low:.4%} to {high:.4%}), "
+            f"measured {error:9.4%} +- {known / error:.0%} ({error / claimed - 1:+6.1%})"
+            f"{'' if covers else ' OUTSIDE'}",
             flush=True,
         )
     count = len(report.front)
-    counts = ", ".join(f"{name} {number} of {count}" for name, number in right.items())
-    print(f"{folder.name}: {counts}", flush=True)
+    print(f"{name}: within 20 % {close} of {count}, intervals agree {covered} of {count}")
+
+
+def compare_times(name: str, report: TuneReport, models: Sequence[mujoco.MjModel]) -> None:
+    """Print the claimed and the measured time ratio of each point."""
+    written = mujoco.MjModel.from_xml_path(file_of(report.model))
+    task = report.task.model_copy(update={"seeds": tuple(range(FIRST, FIRST + TIMED_SEEDS))})
+    motions, own = motions_of(report, task), float(written.opt.timestep)
+    close = 0
+    for point, ratio in zip(
+        report.front, time_runs(motions, [written, *models], own)[1:], strict=True
+    ):
+        timed = point.candidate.time_ratio
+        shown = timed.ratio if timed else point.candidate.cost or np.nan
+        shown = 1.0 if "as written" in point.marks else shown
+        close += abs(ratio / shown - 1) <= TIME_TOLERANCE
+        print(
+            f"{name:10} {name_point(point):40} time x{shown:.3f}, measured x{ratio:.3f} "
+            f"({ratio / shown - 1:+6.1%}){'' if timed else ' counted'}",
+            flush=True,
+        )
+    print(f"{name}: time within 7 % {close} of {len(report.front)}", flush=True)
+
+
+def name_point(point: FrontPoint) -> str:
+    """Return the number, name and marks of a point."""
+    return ", ".join((f"{point.number} {point.name}", *point.marks))
 
 
 if __name__ == "__main__":
     register_parts()
-    for word in sys.argv[1:]:
-        measure_front(Path(word))
+    chosen = sys.argv[1:]
+    for word in chosen:
+        if not word.startswith("--"):
+            measure_front(
+                Path(word), errors="--times" not in chosen, times="--errors" not in chosen
+            )
