@@ -13,6 +13,7 @@ from contactlab.studies.grip.closing import (
     close_at,
     contact_frame,
     find_closing,
+    fit_object,
     squeeze_object,
 )
 from contactlab.studies.grip.fingers import find_hand
@@ -110,3 +111,11 @@ def test_flat_pads_hold_their_object_in_their_middle() -> None:
     palm, pad = 0.3, -0.02 - 0.05
     assert point == pytest.approx([0, 0, palm + pad], abs=1e-3)
     assert np.abs(turn.T @ [0, 0, 1]) == pytest.approx([0, 0, 1], abs=1e-3)
+
+
+def test_the_default_object_is_as_long_on_wide_pads() -> None:
+    """It overhangs fingers beside each other, but not one pad."""
+    text = TENDON_JAWS["coupled"].replace('size=".015 .006 .05"', 'size=".04 .006 .05"')
+    fixture = rig_of(text)
+    size = fit_object(fixture, find_closing(fixture)).size
+    assert size == pytest.approx(DEFAULT_OBJECT.size)

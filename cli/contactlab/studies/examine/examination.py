@@ -401,7 +401,7 @@ def _repair_design(
 def _list_design_causes(
     examined: CheckedModel, labels: Sequence[RunLabel], grip: GripReport | None
 ) -> Iterator[Cause]:
-    # Only of runs with sound numerics: an object creeps from jaws whose solver has not converged.
+    # Only of runs with sound numerics: an object creeps from jaws if the solver has not converged.
     unsolved = any(label.label in CONVERGED_SOLVER.labels for label in labels)
     if unsolved or examined.budget_verdict.word not in PASSING_VERDICTS:
         return

@@ -401,19 +401,23 @@ def _measure_clearance(
     return float(gap), ends.reshape(2, 3)
 
 
-def _find_pad_center(model: mujoco.MjModel, qpos: Floats, pair: tuple[int, int]) -> Floats:
-    # The mean (3,) of the nearest points of two geoms, one of them tilted to each side [m].
+def _find_pad_ends(model: mujoco.MjModel, closing: Closing, at: int) -> Floats:
+    # The nearest points (K, 2, 3) of each pair [m]: their means while a pad is tilted to each side.
     data = mujoco.MjData(model)
-    data.qpos[:] = qpos
+    data.qpos[:] = closing.path[at]
     mujoco.mj_kinematics(model, data)
-    upright, turn = data.geom_xmat[pair[1]].copy(), np.empty(9)
-    ends, middles = np.zeros(6), list[Floats]()
-    for tilt in product((-_CLOSING.pad_tilt, _CLOSING.pad_tilt), repeat=3):
-        mujoco.mju_quat2Mat(turn, np.array([1.0, *tilt]) / math.hypot(1.0, *tilt))
-        data.geom_xmat[pair[1]] = (turn.reshape(3, 3) @ upright.reshape(3, 3)).ravel()
-        mujoco.mj_geomDistance(model, data, *pair, 10 * model.stat.extent, ends)
-        middles.append(ends.reshape(2, 3).mean(axis=0))
-    return np.mean(middles, axis=0)
+    upright, turn, ends = data.geom_xmat.copy(), np.empty(9), np.zeros(6)
+    tilts = np.array([*product((-_CLOSING.pad_tilt, _CLOSING.pad_tilt), repeat=3)])
+    found = np.empty((len(closing.pairs), len(tilts), 2, 3))
+    for place, pair in enumerate(closing.pairs):
+        for number, tilt in enumerate(tilts):
+            mujoco.mju_quat2Mat(turn, np.array([1.0, *tilt]) / math.hypot(1.0, *tilt))
+            tilted = turn.reshape(3, 3) @ upright[pair[1]].reshape(3, 3)
+            data.geom_xmat[pair[1]] = tilted.ravel()
+            mujoco.mj_geomDistance(model, data, *pair, 10 * model.stat.extent, ends)
+            found[place, number] = ends.reshape(2, 3)
+        data.geom_xmat[pair[1]] = upright[pair[1]]
+    return found.mean(axis=1)
 
 
 def fit_object(fixture: GripFixture, closing: Closing, factor: float = 1.0) -> GrippedObject:
@@ -428,9 +432,7 @@ def fit_object(fixture: GripFixture, closing: Closing, factor: float = 1.0) -> G
     width = float(np.clip(across, least + margin, most - margin))
     shrunk = min(1.0, width / across)
     at = int(np.flatnonzero(closing.gaps >= width)[-1])
-    ends = np.array(
-        [_measure_clearance(fixture.model, closing.path[at], pair)[1] for pair in closing.pairs]
-    )
+    ends = _find_pad_ends(fixture.model, closing, at)
     point, turn = _finger_contacts(fixture, closing, at)
     half_length = float(np.abs((ends - point) @ turn[:, 1]).max())
     size = (width, max(shrunk * side, _CLOSING.overhang * 2 * half_length), shrunk * out)
@@ -471,17 +473,13 @@ def _finger_contacts(fixture: GripFixture, closing: Closing, at: int) -> tuple[F
     """
     earlier = closing.gaps > closing.gaps[at] + _CLOSING.approach_share * closing.opening
     before = int(np.flatnonzero(earlier)[-1]) if earlier.any() else 0
-    contact_ends = [
-        _measure_clearance(fixture.model, closing.path[at], pair)[1] for pair in closing.pairs
-    ]
-    ends: Floats = np.array(contact_ends).mean(axis=0)
-    centers = [_find_pad_center(fixture.model, closing.path[at], pair) for pair in closing.pairs]
+    ends: Floats = _find_pad_ends(fixture.model, closing, at).mean(axis=0)
     apart = [
         np.mean([places[other] - places[one] for one, other in closing.pairs], axis=0)
         for places in (_geoms_at(fixture.model, closing.path[each]) for each in (before, at))
     ]
     axis = apart[0] - apart[1] if before < at else ends[1] - ends[0]
-    point: Floats = np.mean(centers, axis=0)
+    point = ends.mean(axis=0)
     return point, _object_frame(fixture, point, axis / np.linalg.norm(axis))
 
 
