@@ -62,8 +62,8 @@ def find_sagging_servo(ends: TaskEnds, most: float = 0.05) -> Iterator[Cause]:
 def find_lost_grip(model: mujoco.MjModel, grip: GripReport, sentence: str) -> Iterator[Cause]:
     """Yield the cause of a grip that does not hold, as `contactlab grip` judges it.
 
-    An object that a keyframe holds may creep as fast as any other at rest, and is judged as it is:
-    in other directions, its weight is not that of the task.
+    An object that a keyframe holds may creep as fast as any other at rest, and is judged under its
+    own weight: loads from other sides are not those of the task.
     """
     if grip.holds:
         return
