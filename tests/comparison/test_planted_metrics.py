@@ -120,7 +120,7 @@ def test_a_doubled_solver_iteration_count(baseline: Path, runs: Runs, stored: St
     report = compare(baseline, stored("slow", slow))
     found = check(report, "solver_iterations no worse")
     assert (report.exit_code, found.outcome) == (1, "failed")
-    assert found.message == "mean 100 -> 200 (+100 %), worse (within 1 %)"
+    assert found.message == "mean 100 -> 200 (+100 %), worse (tolerance 1 %)"
 
 
 def test_a_slow_run_only_warns_and_only_on_the_same_machine(
@@ -132,7 +132,7 @@ def test_a_slow_run_only_warns_and_only_on_the_same_machine(
     report = compare(baseline, stored("slow", slow))
     found = check(report, "cost_cpu_per_sim_s no worse")
     assert (report.exit_code, found.kind, found.outcome) == (0, "time", "warned")
-    assert found.message == "median ratio 2, worse (within 15 %)"
+    assert found.message == "median ratio 2, worse (tolerance 15 %)"
     host = slow.provenance.host.model_copy(update={"cpu_model": "another"})
     slow.provenance = slow.provenance.model_copy(update={"host": host})
     report = compare(baseline, stored("elsewhere", slow))

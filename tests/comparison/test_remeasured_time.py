@@ -90,7 +90,7 @@ def test_a_slower_engine_fails_the_gate(
     found = remeasured(report)
     assert (found.verdict, report.exit_code, found.judged) == (verdict, code, 3)
     ratio = f"{factors[1] / factors[0]:.3f}"
-    message = f"median ratio {ratio}, 95 % interval {ratio} to {ratio} over 3 runs (within 5 %; "
+    message = f"median ratio {ratio}, 95 % interval {ratio} to {ratio} over 3 runs (tolerance 5 %; "
     assert found.message == f"{message}fake {factors[0]}, now fake {factors[1]})"
     assert found.message in as_text(report_of(report))
 

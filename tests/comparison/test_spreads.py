@@ -110,3 +110,25 @@ def test_few_values_may_be_missing_by_chance() -> None:
 def test_values_that_are_lost_are_worse_than_any() -> None:
     assert found_in(np.ones(12), np.full(12, np.inf)) == "failed"
     assert found_in(np.full(12, np.nan), np.ones(12)) == "noted"
+
+
+def test_runs_that_cannot_change_hide_no_change() -> None:
+    """Three of four runs do not slide; in the others, all slip 3 % more, or some by chance."""
+    still = np.zeros(60)
+    noise = 1e-12 * np.random.default_rng(3).random((2, 60))
+    slip = np.linspace(0.01, 0.02, 20)
+    for rest in ((still, still), noise, (np.ones(60), np.ones(60))):
+        more = found_in(*(np.r_[a, b] for a, b in zip(rest, (slip, 1.03 * slip), strict=True)))
+        assert more == "failed"
+    few = slip * np.r_[np.full(3, 1.03), np.ones(17)]
+    assert found_in(np.r_[still, slip], np.r_[still, few]) == "passed"
+
+
+def test_equal_values_keep_the_rate_of_false_alarms() -> None:
+    """If half of the pairs are equal, still at most 1 of 20 comparisons fails by chance."""
+    rng = np.random.default_rng(8)
+    failed = 0
+    for _ in range(400):
+        before, after = np.exp(0.3 * rng.standard_normal((2, 40)))
+        failed += found_in(before, np.where(rng.random(40) < 0.5, before, after)) == "failed"
+    assert failed <= 20

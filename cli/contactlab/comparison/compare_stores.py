@@ -325,9 +325,9 @@ def _store_checks(baseline: Store, candidate: Store) -> Iterator[Finding]:
     """Yield whether the stores are of two sweeps, in the right order; these checks only warn."""
     old, new = baseline.manifest, candidate.manifest
     copied = (old.started, old.finished, old.sweep) == (new.started, new.finished, new.sweep)
-    warning = "both were written at the same instant: the sweep did not run again"
-    fine = "written by a sweep of its own"
-    yield _warn_store("candidate is no copy", warning if copied else "", fine)
+    warning = "no: both stores were written at the same instant; the candidate is a copy"
+    fine = "at another time"
+    yield _warn_store("sweep ran again", warning if copied else "", fine)
     swapped = new.finished < old.finished
     warning = f"finished {new.finished[:19]}, before the baseline: are they swapped?"
     yield _warn_store(

@@ -203,7 +203,7 @@ class MetricPairs:
             change = f"{rule.statistic} {value_change(old, new, subject.unit)}"
             change = f"median ratio {new:.3g}" if rule.statistic == "ratio" else change
             change += "" if verdict[0] == SAME else f", {NAMES[int(verdict[0])]}"
-            parts.insert(0, f"{change} (within {format_percent(rule.rel)})")
+            parts.insert(0, f"{change} (tolerance {format_percent(rule.rel)})")
         finding = subject.finding(all_verdicts, "; ".join(parts), judged_count=runs)
         return finding, self._find_worst(rule, verdicts)
 
@@ -360,7 +360,7 @@ def remeasured_check(paired: PairedStores, request: Remeasure) -> Finding:
     message = (
         f"median ratio {ratio.ratio:.3f}, {format_percent(SURE)} interval "
         f"{ratio.low:.3f} to {ratio.high:.3f} over {plural(len(ratios))} "
-        f"(within {format_percent(rule.rel)}; {engines})"
+        f"(tolerance {format_percent(rule.rel)}; {engines})"
     )
     worst = int(np.argmax(ratios))
     then, now = times[worst]

@@ -13,6 +13,7 @@ from contactlab.comparison.judged_share import unless_unjudged
 from contactlab.comparison.metric_checks import explain_contradiction, explain_incomparable
 from contactlab.comparison.pairing import PairedStores, group_pairs
 from contactlab.comparison.run_checks import PairLabels
+from contactlab.contact.trace_arrays import Floats
 from contactlab.judge.policies import EffectiveRule, effective_rule, kind_of
 from contactlab.judge.subjects import BETTER, CHANGED, MISSING, SAME, WORSE, Mask, Subject
 from contactlab.judge.wording import format_change, out_of, plural
@@ -116,7 +117,7 @@ def _are_more(some: int, others: int, sure: float) -> bool:
 def spread_finding(
     subject: Subject, rule: EffectiveRule, before: NumberColumn, after: NumberColumn, sure: float
 ) -> Finding:
-    """Return whether the median change of paired values is beyond the tolerance, and by chance."""
+    """Return whether the median change of the pairs that changed is beyond tolerance and chance."""
     pairs = int((before.valid | after.valid).sum())
     if not pairs:
         return subject.single(SAME, "applies to no run")
@@ -129,23 +130,20 @@ def spread_finding(
             MISSING, f"{out_of(lost_count, pairs)} without a value now", judged_count=pairs
         )
     both = before.valid & after.valid
-    old_values, new_values = before.values[both], after.values[both]
+    changed = _changed_pairs(before.values, after.values, rule) & both
+    old_values, new_values = before.values[changed], after.values[changed]
+    if not len(old_values):
+        return subject.single(SAME, f"the same in {plural(pairs, 'pair')}", judged_count=pairs)
     # Changes for the worse, in tolerances and as shares of the baseline's value; of the candidate's
     # if that is 0. A value that is not finite is worse than any other.
     sign = -1.0 if rule.better == "higher" else 1.0
     with np.errstate(all="ignore"):
-        change = np.where(old_values == new_values, 0.0, new_values - old_values)
-        size = np.where(old_values == 0, np.abs(new_values), np.abs(old_values))
-        shares = np.where(change == 0, 0.0, change / size)
+        change = new_values - old_values
+        shares = change / np.where(old_values == 0, np.abs(new_values), np.abs(old_values))
         tolerances = sign * change / rule.limit.allow_change(old_values)
-    lost, is_finite = ~np.isfinite(new_values), np.isfinite(old_values)
-    tolerances = np.where(
-        lost & is_finite, np.inf, np.where(~lost & ~is_finite, -np.inf, tolerances)
-    )
-    tolerances = np.nan_to_num(tolerances, nan=0.0, posinf=np.inf, neginf=-np.inf)
+    lost, was_lost = ~np.isfinite(new_values), ~np.isfinite(old_values)
+    tolerances = np.where(lost, np.inf, np.where(was_lost, -np.inf, tolerances))
     shares = np.nan_to_num(shares)
-    if not len(tolerances):
-        return subject.single(SAME, "no pair has two values", judged_count=pairs)
     low, high = median_interval(tolerances.tolist(), sure)
     enough = _pairs_for(sure)
     code = SAME
@@ -153,12 +151,13 @@ def spread_finding(
         code = CHANGED if rule.better == "none" else WORSE
     elif high < -1:
         code = CHANGED if rule.better == "none" else BETTER
-    ends = [_share_text(end) for end in median_interval(shares.tolist())]
-    middle = (int(both.sum()) - 1) // 2
-    old, new_value = (float(np.sort(each.values[both])[middle]) for each in (before, after))
+    ends = [_share_text(end) for end in median_interval(shares.tolist(), sure)]
+    middle = int(np.argsort(shares, kind="stable")[(len(shares) - 1) // 2])
     interval = "" if ends[0] == ends[1] else f" ({ends[0]} to {ends[1]})"
-    medians = format_change(old, new_value, subject.unit, 3)
-    message = f"median change {_share_text(np.sort(shares)[middle])}{interval}, {medians}"
+    example = format_change(float(old_values[middle]), float(new_values[middle]), subject.unit, 3)
+    message = f"median change {_share_text(shares[middle])}{interval}, e.g. {example}"
+    if len(shares) < pairs:
+        message += f", in the {out_of(len(shares), pairs, 'pair')} that changed"
     message += (
         f", within {format_percent(rule.rel)}" if code == SAME and low > -1 and high < 1 else ""
     )
@@ -168,5 +167,14 @@ def spread_finding(
     return subject.single(code, message, judged_count=pairs)
 
 
+def _changed_pairs(before: Floats, after: Floats, rule: EffectiveRule) -> Mask:
+    # As in any sign test, ties show no direction: runs without sliding would hide more friction in all
+    # others. Two values that are zero to the tolerance differ by rounding alone.
+    finite = np.isfinite(before), np.isfinite(after)
+    with np.errstate(invalid="ignore"):
+        moved = (before != after) & (np.maximum(np.abs(before), np.abs(after)) > rule.abs)
+    return np.where(finite[0] & finite[1], moved, finite[0] != finite[1])
+
+
 def _share_text(share: float) -> str:
-    return f"{share:+.1%}" if abs(share) < 1e3 else "to a thousandfold or more"
+    return format_percent(share, signed=True) if abs(share) < 1e3 else "to a thousandfold or more"
