@@ -34,7 +34,7 @@ def one(found: list[Method], integrator: str) -> Method:
 def test_each_integrator_has_the_order_of_its_error(weighed: Weigh) -> None:
     orders = {"Euler": 1, "RK4": 4}
     rows = [row(step, name, step**slope) for name, slope in orders.items() for step in STEPS]
-    found = find_methods(weighed(rows, KNOBS), is_modeling=True)
+    found = find_methods(weighed(rows, KNOBS), {"timestep": "s"}, is_modeling=True)
     assert [each.name for each in found] == ["Euler", "RK4"]
     for name, slope in orders.items():
         assert one(found, name).order.slope == pytest.approx(slope, abs=1e-9)
@@ -44,7 +44,7 @@ def test_each_integrator_has_the_order_of_its_error(weighed: Weigh) -> None:
 def test_a_single_impact_takes_the_order_away(weighed: Weigh) -> None:
     rows = [row(step, "RK4", step**4, impacts=0) for step in STEPS]
     rows += [row(step, "Euler", step, impacts=int(step == STEPS[0])) for step in STEPS]
-    found = find_methods(weighed(rows, KNOBS), is_modeling=False)
+    found = find_methods(weighed(rows, KNOBS), {"timestep": "s"}, is_modeling=False)
     assert one(found, "RK4").order.slope == pytest.approx(4, abs=1e-9)
     assert one(found, "Euler").order.slope is None
     assert "one impact" in str(one(found, "Euler").order.reason)
@@ -54,7 +54,7 @@ def test_what_was_lost_or_clamped_is_no_point_of_a_line(weighed: Weigh) -> None:
     rows = [row(step, "Euler", step) for step in STEPS]
     rows[0] |= {"label": "diverged", "oracle_error": 1e9}
     rows[5] |= {"solref_clamped": 1.0, "oracle_error": 1e9}
-    (found,) = find_methods(weighed(rows, KNOBS), is_modeling=False)
+    (found,) = find_methods(weighed(rows, KNOBS), {"timestep": "s"}, is_modeling=False)
     assert found.order.slope == pytest.approx(1, abs=1e-9)
     assert found.order.points == 4
 
@@ -63,7 +63,7 @@ def test_a_floor_holds_for_every_integrator_of_the_same_physics(weighed: Weigh) 
     """RK4 has reached what Euler still comes down to, with a slope that is no order."""
     rows = [row(step, "RK4", FLOOR) for step in STEPS]
     rows += [row(step, "Euler", FLOOR + step) for step in STEPS]
-    found = find_methods(weighed(rows, KNOBS), is_modeling=True)
+    found = find_methods(weighed(rows, KNOBS), {"timestep": "s"}, is_modeling=True)
     floor = one(found, "RK4").floor
     assert floor is not None
     assert floor.error == FLOOR
@@ -71,13 +71,15 @@ def test_a_floor_holds_for_every_integrator_of_the_same_physics(weighed: Weigh) 
     assert one(found, "Euler").order.slope is None
     assert "three times the floor" in str(one(found, "Euler").order.reason)
     other = [row(step, "Euler", step, cone="pyramidal") for step in STEPS]
-    apart = find_methods(weighed(rows[: len(STEPS)] + other, KNOBS), is_modeling=True)
+    apart = find_methods(
+        weighed(rows[: len(STEPS)] + other, KNOBS), {"timestep": "s"}, is_modeling=True
+    )
     assert one(apart, "Euler").order.slope == pytest.approx(1, abs=1e-9)
 
 
 def test_an_error_against_a_reference_has_no_floor(weighed: Weigh) -> None:
     rows = [row(step, "RK4", FLOOR) for step in STEPS]
-    (found,) = find_methods(weighed(rows, KNOBS), is_modeling=False)
+    (found,) = find_methods(weighed(rows, KNOBS), {"timestep": "s"}, is_modeling=False)
     assert found.floor is None
 
 

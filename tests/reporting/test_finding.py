@@ -181,3 +181,14 @@ def test_an_amount_has_its_unit(failing: set[str], said: str) -> None:
     steps = GridAxis("time_step", "ms", "knob", ticks, made.codes, None)
     labels = run_labels([0 if tick in failing else STABLE for tick in ticks])
     assert said in write_finding((steps,), labels)
+
+
+def test_excluded_amounts_have_their_unit() -> None:
+    """Of 5 x 2 runs, four fail: those of one color, except one step."""
+    codes = [step for step in range(5) for _ in range(2)]
+    made = axis("time_step", codes, 5)
+    steps = GridAxis("time_step", "ms", "knob", ("0.5", "1", "2", "5", "10"), made.codes, None)
+    colors = axis("color", [0, 1] * 5, 2)
+    failing = [place % 2 == 1 and step != 2 for place, step in enumerate(codes)]
+    said = write_finding((steps, colors), run_labels([0 if each else STABLE for each in failing]))
+    assert said.startswith("Only time_step other than 2 ms with color ")

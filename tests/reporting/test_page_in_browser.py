@@ -4,6 +4,7 @@ import json
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,12 @@ SWEEPS = ("bounce", "tradeoff", "hard", "grasp")
 
 def text(page: Any, selector: str) -> str:
     return re.sub(r"\s+", " ", page.locator(selector).first.text_content())
+
+
+def read_amount(text: str, unit: str) -> float:
+    """Return the value of a number with a prefix and this SI unit."""
+    number, _, shown = text.partition(" ")
+    return float(number) * {"": 1, "m": 1e-3, "µ": 1e-6, "n": 1e-9}[shown.removesuffix(unit)]
 
 
 def pairs(page: Any, place: int) -> dict[str, str]:
@@ -86,13 +93,13 @@ def test_the_table_has_the_statistics_of_the_store(
         for row, values in zip(rows, expected.tolist(), strict=True):
             texts = row.locator("td").all_inner_texts()
             assert all(text.startswith("2 runs; ") for text in texts)
-            shown = [re.findall(rf"{kind} penetration_max (\S+) m", text)[0] for text in texts]
-            assert [float(each) for each in shown] == pytest.approx(values, rel=5e-4)
+            shown = [re.findall(rf"{kind} penetration_max (\S+ \w+)", text)[0] for text in texts]
+            assert [read_amount(each, "m") for each in shown] == pytest.approx(values, rel=5e-4)
 
 
 @pytest.mark.long
 def test_a_click_leads_to_the_run(visit: Visit, reported: Reported, swept: Swept) -> None:
-    """Its numbers are those of the table, to the six digits that are shown."""
+    """Its numbers are those of the table, to the three digits that are shown."""
     page = visit(reported("bounce"), "#x=timestep&y=drop_height&only.restitution=1").page
     cell = page.locator("#map-picture .mark-rect").first.locator("path").last
     cell.scroll_into_view_if_needed()
@@ -104,9 +111,11 @@ def test_a_click_leads_to_the_run(visit: Visit, reported: Reported, swept: Swept
     assert record.axes["restitution"] == 0.9
     shown = dict(page.locator("#metrics dl").evaluate(READ))
     assert len(shown) > 20
+    known = record.metrics | {"cost_cpu_per_sim_s": record.cost and record.cost.cpu_per_sim_s}
+    units = swept("bounce").columns.metric_columns
     for name, value in shown.items():
-        known = record.metrics | {"cost_cpu_per_sim_s": record.cost and record.cost.cpu_per_sim_s}
-        assert float(value) == pytest.approx(known[name.split(" ")[0]], rel=1e-5, abs=1e-12)
+        amount = read_amount(value, units[name].unit)
+        assert amount == pytest.approx(known[name], rel=5e-3, abs=1e-12)
     assert f"contactlab verify {swept('bounce').path} {run}" in text(page, "#run-more pre")
     assert record.trace is not None
     assert record.trace.file in text(page, "#run-more")
@@ -273,3 +282,33 @@ def test_names_are_text(visit: Visit, swept: Swept, tmp_path: Path) -> None:
     assert seen.page.locator("#evil").count() == 0
     for name in ("columns", "series"):
         assert json.loads(seen.page.locator(f"#{name}").text_content())
+
+
+@pytest.mark.long
+def test_the_script_formats_amounts_with_prefixes(visit: Visit, reported: Reported) -> None:
+    """Three digits, a prefix below a tenth of the unit, a power of ten where no prefix helps."""
+    page = visit(reported("bounce")).page
+    data_script = resources.files("contactlab.page").joinpath("script/data.js").read_text()
+    start, end = data_script.index("// Significant digits"), data_script.index("const axisOf")
+    code = data_script[start:end] + data_script[data_script.index("const unitless") :]
+    shown = page.evaluate(
+        "([code, cases]) => new Function('cases', `${code};"
+        " return cases.map((each) => amount(...each));`)(cases)",
+        [code, [[*each] for each in AMOUNTS]],
+    )
+    assert shown == list(AMOUNTS.values())
+    for (value, unit), text in AMOUNTS.items():
+        assert read_amount(text.replace(",", ""), unit) == pytest.approx(value, rel=5e-3)
+
+
+AMOUNTS = {
+    (0.0271703, "m"): "27.2 mm",
+    (1.83308e-6, "m"): "1.83 µm",
+    (5.89684e-12, "m"): "5.9e-12 m",
+    (0.62784, "N s"): "0.628 N s",
+    (0.0042, "m/s"): "4.2 mm/s",
+    (1.06142e-6, "1"): "1.06e-6",
+    (0.000118937, "1/s"): "1.19e-4 1/s",
+    (12345.6, "N"): "12346 N",
+    (0, "m"): "0 m",
+}

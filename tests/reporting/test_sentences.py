@@ -41,7 +41,10 @@ def configuration(step: float, time: float, error: float | None, feasible: bool)
 
 def said(configurations: list[Any], chosen: Any) -> str:
     report = SimpleNamespace(
-        configurations=configurations, recommendation=chosen, varying=["timestep"]
+        configurations=configurations,
+        recommendation=chosen,
+        varying=["timestep"],
+        units={"timestep": "s"},
     )
     return tradeoff_sentence(cast(Any, report))
 
@@ -50,12 +53,12 @@ def test_a_trade_off_says_what_the_recommended_configuration_saves() -> None:
     slow, fast = configuration(0.001, 0.9, 0.01, True), configuration(0.002, 0.3, 0.02, True)
     wrong = configuration(0.004, 0.1, None, False)
     assert said([slow, fast, wrong], fast) == (
-        "2 of 3 configurations are within every tolerance; the most accurate, timestep 0.001, "
-        "takes 3 times as long as the recommended timestep 0.002."
+        "2 of 3 configurations are within every tolerance; the most accurate, timestep 1 ms, "
+        "takes 3 times as long as the recommended timestep 2 ms."
     )
     assert said([slow, wrong], slow) == (
         "1 of 2 configurations are within every tolerance; "
-        "the recommended timestep 0.001 is the most accurate of them."
+        "the recommended timestep 1 ms is the most accurate of them."
     )
     none = "0 of 1 configuration is within every tolerance; none can be recommended."
     assert said([wrong], None) == none

@@ -24,6 +24,7 @@ from contactlab.pareto.recommendation import (
     SAFE_MARGIN,
     equally_fast,
     feasible_front,
+    setting_text,
 )
 from contactlab.schema.tradeoff_report import ErrorMeasure, TimeMeasure, TradeoffReport
 from contactlab.store.finished_store import Store
@@ -84,7 +85,7 @@ def check_recommendation(page: Any, report: TradeoffReport) -> None:
         return
     shown = recommended_settings(page)
     assert shown["integrator"] == chosen.configuration["integrator"]
-    assert float(shown["timestep"]) == chosen.configuration["timestep"]
+    assert shown["timestep"] == setting_text(chosen.configuration["timestep"], "s")
     assert shown["solref"] == chosen.configuration["solref"]
     for name, margin in chosen.margins.items():
         assert margin is not None

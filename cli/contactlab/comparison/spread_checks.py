@@ -168,8 +168,8 @@ def spread_finding(
 
 
 def _changed_pairs(before: Floats, after: Floats, rule: EffectiveRule) -> Mask:
-    # As in any sign test, ties show no direction: runs without sliding would hide more friction in all
-    # others. Two values that are zero to the tolerance differ by rounding alone.
+    # As in any sign test, ties show no direction: runs without sliding would hide more friction in
+    # all others. Two values that are zero to the tolerance differ by rounding alone.
     finite = np.isfinite(before), np.isfinite(after)
     with np.errstate(invalid="ignore"):
         moved = (before != after) & (np.maximum(np.abs(before), np.abs(after)) > rule.abs)

@@ -140,7 +140,6 @@ class TradeoffView:
     sentence: str = ""
     recommended: Sequence[str] = ()
     blockers: Sequence[str] = ()
-    titles: Mapping[str, str] | None = None
     worst: Mapping[str, float | None] | None = None
     chart: str = ""
     cheapest: Sequence[Configuration] = ()
@@ -455,7 +454,6 @@ def tradeoff_view(data: ReportData, chart: Spec | None) -> TradeoffView | None:
         sentence=tradeoff_sentence(report),
         recommended=[text for text in (robust_text(report), next_step_text(report)) if text],
         blockers=[blocker.sentence for blocker in report.blockers],
-        titles={axis.name: axis.stored_title for axis in data.axes},
         worst=next(worst, {}),
         chart=static_svg(chart, "Error against time of each configuration") if chart else "",
         cheapest=sorted(

@@ -114,7 +114,6 @@ def script_data(data: ReportData, request: PageRequest, chart: Spec | None) -> S
         "total": data.store.columns.runs,
         "aggregated": selection.is_aggregated,
         **_page_names(data, selection.axes),
-        "digits": 6 if len(selection.rows) <= _RULES.most_precise_runs else 3,
         # The page of an examination has no map.
         "specs": {} if request.examination else chart_templates(data, chart),
         "tradeoff": _tradeoff_data(data.tradeoff) if data.tradeoff and table else None,
@@ -140,10 +139,7 @@ def _page_names(data: ReportData, axes: Sequence[GridAxis]) -> dict[str, Any]:
     """Return axes, labels, modes of contact and quantities, by the names that the script reads."""
     return {
         "axes": [
-            {
-                name: getattr(axis, name)
-                for name in ("name", "title", "stored_title", "ticks", "role")
-            }
+            {name: getattr(axis, name) for name in ("name", "title", "ticks", "role")}
             | {"binned": axis.numbers is not None, "amount": axis.amount_unit}
             for axis in axes
         ],

@@ -1,6 +1,6 @@
 """Sentences about parts of a page, each borne out by the numbers shown."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -29,7 +29,7 @@ def tradeoff_sentence(report: TradeoffReport) -> str:
     sentence = f"{len(feasible):,} of {len(every):,} {are} within every tolerance"
     if chosen is None:
         return f"{sentence}; none can be recommended."
-    what = _settings_in_words(chosen.configuration, report.varying)
+    what = _settings_in_words(chosen.configuration, report)
     timed_configurations = [
         configuration
         for configuration in feasible
@@ -41,13 +41,16 @@ def tradeoff_sentence(report: TradeoffReport) -> str:
     if finest is None or finest.configuration == chosen.configuration or not chosen.time:
         return f"{sentence}; the recommended {what} is the most accurate of them."
     ratio = (finest.time or 0.0) / chosen.time
-    other = _settings_in_words(finest.configuration, report.varying)
+    other = _settings_in_words(finest.configuration, report)
     pace = f"takes {ratio:.3g} times as long as the recommended {what}"
     return f"{sentence}; the most accurate, {other}, {pace}."
 
 
-def _settings_in_words(values: Mapping[str, Setting], names: Sequence[str]) -> str:
-    phrases = [f"{name} {setting_text(values[name])}" for name in names]
+def _settings_in_words(values: Mapping[str, Setting], report: TradeoffReport) -> str:
+    phrases = [
+        f"{name} {setting_text(values[name], report.units.get(name, ''))}"
+        for name in report.varying
+    ]
     return " with ".join(phrases) or "the only one"
 
 

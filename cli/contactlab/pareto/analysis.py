@@ -34,6 +34,7 @@ from contactlab.pareto.recommendation import (
     front_of,
     next_more_accurate,
     recommendable_places,
+    setting_text,
 )
 from contactlab.schema.coverage import Exercised, Feature, feature_of
 from contactlab.schema.tradeoff_report import (
@@ -84,12 +85,13 @@ def analyze_tradeoff(store: Store, criteria: Criteria = _DEFAULT_CRITERIA) -> Tr
     identity = store.manifest.sweep
     # Such an error may remain at any timestep.
     is_modeling = error.kind != "discretization" or error.reference == "written"
+    units = {name: store.columns.described[name].unit for name in runs.knobs}
     report = TradeoffReport(
         store=str(store.address),
         sweep=identity.name,
         scene=identity.scene,
         knobs=tuple(runs.knobs),
-        units={name: store.columns.described[name].unit for name in runs.knobs},
+        units=units,
         scenarios=tuple(runs.scenarios),
         insensitive_knobs=tuple(insensitive),
         runs_per_configuration=max(configuration.cases for configuration in evaluated),
@@ -101,7 +103,7 @@ def analyze_tradeoff(store: Store, criteria: Criteria = _DEFAULT_CRITERIA) -> Tr
         configurations=summaries,
         front=tuple(_front_point(configuration.summary) for configuration in front),
         unconstrained_front=tuple(_front_point(summaries[index]) for index in front_of(summaries)),
-        methods=tuple(find_methods(alike, is_modeling=is_modeling)),
+        methods=tuple(find_methods(alike, units, is_modeling=is_modeling)),
         recommendation=_make_recommendation(store, chosen),
         robust=_make_recommendation(store, safe),
         next_step=next_step,
@@ -219,7 +221,8 @@ def _report_notes(
         numbers = sorted(setting for setting in values if not isinstance(setting, bool))
         if len(numbers) > 2 and value in (numbers[0], numbers[-1]):
             end = "smallest" if value == numbers[0] else "largest"
-            yield f"{name} {value:g} is the {end} value of the sweep"
+            text = setting_text(value, report.units.get(name, ""))
+            yield f"{name} {text} is the {end} value of the sweep"
 
 
 @dataclass(frozen=True)

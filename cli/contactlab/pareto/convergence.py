@@ -10,6 +10,7 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.measure import LABELS
 from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.pareto.configurations import Evaluated
+from contactlab.pareto.recommendation import setting_text
 from contactlab.schema.evidence import Setting
 from contactlab.schema.tradeoff_report import Floor, Method, Order
 
@@ -118,7 +119,9 @@ _NUMERIC_KNOBS = {
 }
 
 
-def find_methods(evaluated: Sequence[Evaluated], *, is_modeling: bool) -> list[Method]:
+def find_methods(
+    evaluated: Sequence[Evaluated], units: Mapping[str, str], *, is_modeling: bool
+) -> list[Method]:
     """Return the methods, in the order of their first configurations.
 
     They may have a floor if the error has another reference than the model: if `is_modelling`.
@@ -137,7 +140,7 @@ def find_methods(evaluated: Sequence[Evaluated], *, is_modeling: bool) -> list[M
             least[_physics_key(key)] = min(floor.error, least.get(_physics_key(key), np.inf))
     return [
         Method(
-            name=method_name(dict(key), differing),
+            name=method_name(dict(key), differing, units),
             configuration=dict(key),
             order=_method_order(family, least.get(_physics_key(key), 0.0)),
             floor=floors[key],
@@ -151,19 +154,25 @@ def method_key(values: dict[str, Setting]) -> MethodKey:
     return tuple((name, value) for name, value in values.items() if name != TIMESTEP)
 
 
-def method_name(values: Mapping[str, Setting], differing: Sequence[str]) -> str:
+def method_name(
+    values: Mapping[str, Setting], differing: Sequence[str], units: Mapping[str, str]
+) -> str:
     """Return a method in words: the values of varying knobs, with the axis for a number.
 
     Knobs that an included row does not set keep the scene's value, and are omitted.
     """
-    words = [_knob_word(name, values[name]) for name in differing if values[name] is not None]
+    words = [
+        _knob_word(name, values[name], units.get(name, ""))
+        for name in differing
+        if values[name] is not None
+    ]
     return ", ".join(words) or "as the scene has it"
 
 
-def _knob_word(name: str, value: Setting) -> str:
+def _knob_word(name: str, value: Setting, unit: str) -> str:
     if isinstance(value, str) and not value[:1].isdigit() and not value.startswith("-"):
         return value
-    return f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
+    return f"{name} {setting_text(value, unit)}"
 
 
 def varying_knobs(keys: Sequence[Mapping[str, Setting]]) -> list[str]:

@@ -161,7 +161,7 @@ def _method_names(
     )
     differing = varying_knobs([dict(key) for key in keys])
     return {
-        key: f"{letter}  {method_name(dict(key), differing)}"
+        key: f"{letter}  {method_name(dict(key), differing, report.units)}"
         for letter, key in zip(LETTERS[:_MOST_METHODS], keys, strict=False)
     }
 

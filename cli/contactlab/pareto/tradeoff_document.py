@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from contactlab.pareto.recommendation import (
     next_step_text,
     robust_text,
+    setting_text,
     settings_text,
 )
 from contactlab.printable import shell_word, shortened
@@ -85,7 +86,7 @@ def _table_sections(report: TradeoffReport) -> Iterator[Section]:
         )
         for each in points
     ]
-    header = (*report.varying, "error", "CPU s per s", "x real time")
+    header = (*_knob_titles(report), "error", "CPU s per s", "x real time")
     yield Section((table_of(header, rows),), "front", title)
 
     if len(report.methods) < len(report.configurations):
@@ -93,7 +94,7 @@ def _table_sections(report: TradeoffReport) -> Iterator[Section]:
             (
                 each.name,
                 _order_text(each),
-                f"{format_amount(each.floor.error)} up to {each.floor.timestep:g} s"
+                f"{format_amount(each.floor.error)} up to {setting_text(each.floor.timestep, 's')}"
                 if each.floor
                 else "-",
             )
@@ -114,8 +115,16 @@ def _table_sections(report: TradeoffReport) -> Iterator[Section]:
             for each in report.configurations
         ]
         title = "chaotic: fraction of runs as expected, with its 95 % confidence interval"
-        table = table_of((*report.varying, "as expected", "rate"), rates, most=40)
+        table = table_of((*_knob_titles(report), "as expected", "rate"), rates, most=40)
         yield Section((table,), "rates", title)
+
+
+def _knob_titles(report: TradeoffReport) -> list[str]:
+    units = (report.units.get(name, "") for name in report.varying)
+    return [
+        name if unit in {"", "1", "any"} else f"{name} [{unit}]"
+        for name, unit in zip(report.varying, units, strict=True)
+    ]
 
 
 def _order_text(method: Method) -> str:
@@ -167,9 +176,8 @@ def _describe_choice(report: TradeoffReport, chosen: Recommendation, title: str 
         )
         texts.append(f"margins (tolerance over worst value): {', '.join(margins)}")
     if chosen.equally_fast:
-        texts.append(
-            f"{len(chosen.equally_fast)} other configurations are as fast (within 5 %) and not "
-            "more accurate"
-        )
+        more = len(chosen.equally_fast)
+        are = "configuration is" if more == 1 else "configurations are"
+        texts.append(f"{more} other {are} as fast (within 5 %) and not more accurate")
     texts.append(f"details: contactlab show {shell_word(report.store)} {chosen.run_id[:8]}")
     return Items(tuple(texts), title)

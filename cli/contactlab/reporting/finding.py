@@ -148,7 +148,7 @@ def _describe_setting(axis: GridAxis, codes: Codes) -> str:
     """Return an axis with values that have some codes: `a timestep of 2 ms or more`."""
     values = _describe_values(axis, codes)
     if not axis.amount_unit or values.startswith("other"):
-        return f"{axis.name} {values}"
+        return f"{axis.name} {number_with_unit(values, axis.amount_unit)}"
     number, space, rest = values.partition(" or ")
     amount = f"{number} {axis.unit}{space}{rest}"
     last = rest.rpartition(" ")[2]

@@ -50,11 +50,6 @@ class GridAxis:
         return with_unit(self.name, self.unit)
 
     @property
-    def stored_title(self) -> str:
-        """Its name with the stored unit: SI, if ticks are in ms or mm."""
-        return with_unit(self.name, _LARGER.get(self.unit, self.unit))
-
-    @property
     def amount_unit(self) -> str:
         """Its unit where its values are amounts of it; empty for ratios, words and pairs."""
         return self.unit if self.is_ordered and self.unit not in _UNITLESS else ""

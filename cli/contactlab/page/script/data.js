@@ -79,9 +79,34 @@ function fitted(spec, room) {
   return legendBelow(spec, room);
 }
 
-const number = (value) => (Number.isFinite(value) ? String(Number(value.toPrecision(4))) : "-");
+
+// Significant digits, with a power of ten below a thousandth, as format_digits in amounts.py.
+function digits(value, most = 3) {
+  if (!Number.isFinite(value)) return "-";
+  const short = Number(value.toPrecision(most));
+  if (short !== 0 && Math.abs(short) < 1e-3) return short.toExponential();
+  return String(Math.abs(value) >= 10 ** most && Math.abs(value) < 1e5 ? Math.round(value) : short);
+}
+
+const number = (value) => digits(value, 4);
 const axisOf = (name) => metadata.axes.find((axis) => axis.name === name);
 const quantityOf = (name) => metadata.quantities.find((each) => each[0] === name);
 const unitless = (unit) => ["", "1", "any"].includes(unit);
 const withUnit = (name, unit) => (unitless(unit) ? name : `${name} [${unit}]`);
-const numberWithUnit = (value, unit) => (unitless(unit) ? value : `${value} ${unit}`);
+
+// The prefix and factor with which a unit shows a size as a number from 0.1 on.
+const PREFIXES = [["", 1], ["m", 1e3], ["µ", 1e6], ["n", 1e9]];
+
+function smallUnit(unit, size) {
+  const least = 0.1; // from here on, SI units are printed without a prefix
+  const takesPrefix = /^(m|s|N|J|W|rad)(?![\w^])/.test(unit);
+  const [prefix, factor] = (takesPrefix && PREFIXES.find(([, each]) => size * each >= least)) || PREFIXES[0];
+  return [prefix + unit, factor];
+}
+
+// A number with its unit, as format_amount in amounts.py.
+function amount(value, unit, most = 3) {
+  if (!Number.isFinite(value) || unitless(unit)) return digits(value, most);
+  const [name, factor] = smallUnit(unit, Math.abs(value));
+  return `${digits(value * factor, most)} ${name}`;
+}

@@ -136,7 +136,8 @@ function settingWithUnit(value, unit) {
 }
 
 function configurationOf(place) {
-  return metadata.tradeoff.knobs.map((knob, index) => [knob, setting(metadata.tradeoff.configurations[place][index])]);
+  const { knobs, units, configurations } = metadata.tradeoff;
+  return knobs.map((knob, index) => [knob, settingWithUnit(configurations[place][index], units[knob])]);
 }
 
 function recommendationOf(columns, evaluated, limits) {
@@ -149,11 +150,11 @@ function recommendationOf(columns, evaluated, limits) {
   }
   const place = evaluated.recommended;
   const values = configurationOf(place).map(([name, value]) =>
-    element("div", {}, element("dt", {}, axisOf(name)?.stored_title ?? name), element("dd", {}, value)));
+    element("div", {}, element("dt", {}, name), element("dd", {}, value)));
   const [, unit] = metadata.tradeoff.error;
   const time = columns.time[place];
   const parts = [
-    `Error ${numberWithUnit(number(columns.error[place]), unit)}, ${number(time)} CPU s per simulated s`,
+    `Error ${amount(columns.error[place], unit)}, ${number(time)} CPU s per simulated s`,
     ` (${number(1 / time)} x real time). `,
     robustText(columns, evaluated),
     metadata.tradeoff.clamped.includes(place) ? " At this timestep refsafe makes its contacts softer than its solref says." : "",
@@ -167,10 +168,8 @@ function recommendationOf(columns, evaluated, limits) {
 function robustText(columns, evaluated) {
   const least = `at least ${metadata.tradeoff.safeMargin}`;
   if (evaluated.robust === null) return `No configuration has all margins ${least}.`;
-  if (evaluated.robust === evaluated.recommended) return `All margins are ${least}.`;
+  if (evaluated.robust === evaluated.recommended) return `It is ${metadata.tradeoff.safeMargin} times or more within every tolerance.`;
   const ratio = columns.time[evaluated.robust] / columns.time[evaluated.recommended];
-  const { knobs, units, configurations } = metadata.tradeoff;
-  const values = knobs.map((knob, index) =>
-    `${knob} ${settingWithUnit(configurations[evaluated.robust][index], units[knob])}`).join(", ");
+  const values = configurationOf(evaluated.robust).map((pair) => pair.join(" ")).join(", ");
   return `All margins ${least} cost x${number(ratio)} time: ${values}.`;
 }

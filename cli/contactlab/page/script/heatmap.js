@@ -144,7 +144,7 @@ function numberLayers(state, panel) {
     const value = cell.number(state);
     if (!Number.isFinite(value)) return;
     cells.push({ ...piece(x, y, 0, 1), value });
-    if (panel.across <= 12) texts.push({ x: x + 0.5, y: y + 0.5, text: String(Number(value.toPrecision(3))) });
+    if (panel.across <= 12) texts.push({ x: x + 0.5, y: y + 0.5, text: digits(value) });
   });
   return { cells, texts };
 }
@@ -253,7 +253,7 @@ function cellText(state, panel, place) {
   const parts = counts.flatMap((count, code) => (count ? [`${count} ${metadata.labels.names[code]}`] : []));
   if (state.what !== "label") {
     const [name, unit] = quantityOf(state.what);
-    parts.unshift(`${state.stat} ${name} ${numberWithUnit(number(value(state)), unit)}`);
+    parts.unshift(`${state.stat} ${name} ${amount(value(state), unit, 4)}`);
   }
   return `${where.join(", ")}: ${size} ${size === 1 ? "run" : "runs"}; ${parts.join(", ")}`;
 }

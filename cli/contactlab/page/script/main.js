@@ -295,7 +295,7 @@ function showMargin(page, row, place, limits) {
   const known = place !== null && name in limits;
   const margin = known ? marginOf(page.columns, name, place, limits[name]) : null;
   row.querySelector(".worst").textContent = known ? number(page.columns[`worst:${name}`][place]) : "-";
-  row.querySelector(".margin").textContent = margin === null ? "-" : `x ${Number(margin.toPrecision(3))}`;
+  row.querySelector(".margin").textContent = margin === null ? "-" : `x ${digits(margin)}`;
 }
 
 function onPoint(page, datum) {

@@ -17,10 +17,16 @@ function roundTicks(low, high, count = 4) {
   const rough = (high - low) / count;
   if (!(rough > 0)) return [low];
   const power = 10 ** Math.floor(Math.log10(rough));
-  const step = [1, 2, 5, 10].map((each) => each * power).find((each) => each >= rough);
-  const ticks = [];
-  for (let at = Math.ceil(low / step - 1e-9); at * step <= high + 1e-9 * step; at++) ticks.push(Number((at * step).toPrecision(10)));
-  return ticks;
+  const steps = [0.5, 1, 2, 5, 10].map((each) => each * power);
+  const place = steps.findIndex((each) => each >= rough);
+  const ticks = multiples(low, high, steps[place]);
+  return ticks.length > 1 ? ticks : multiples(low, high, steps[place - 1]); // one shows no scale
+}
+
+function multiples(low, high, step) {
+  const found = [];
+  for (let at = Math.ceil(low / step - 1e-9); at * step <= high + 1e-9 * step; at++) found.push(Number((at * step).toPrecision(10)));
+  return found;
 }
 
 function extent(values, zero = false) {
@@ -43,15 +49,18 @@ function frame(box, x, y, titles, showX = true) {
   const parts = [svg("rect", { class: "frame", x: box.left, y: box.top, width: box.width, height: box.height })];
   const [across, up] = [linear(x, [box.left, box.left + box.width]), linear(y, [box.top + box.height, box.top])];
   const bottom = box.top + box.height;
-  for (const tick of roundTicks(...y, Math.max(2, Math.round(box.height / 34)))) {
-    parts.push(svg("line", { class: "grid", x1: box.left, x2: box.left + box.width, y1: up(tick), y2: up(tick) }));
-    parts.push(word(box.left - 5, up(tick) + 4, number(tick), { "text-anchor": "end" }));
+  const [, name, unit] = titles.y.match(/^(.*) \[(.*)\]$/) ?? [null, titles.y, ""];
+  const [shown, factor] = smallUnit(unit, Math.max(...y.map(Math.abs)));
+  for (const tick of roundTicks(...y.map((end) => end * factor), Math.max(2, Math.round(box.height / 34)))) {
+    const height = up(tick / factor);
+    parts.push(svg("line", { class: "grid", x1: box.left, x2: box.left + box.width, y1: height, y2: height }));
+    parts.push(word(box.left - 5, height + 4, number(tick), { "text-anchor": "end" }));
   }
   for (const tick of roundTicks(...x, Math.max(2, Math.round(box.width / 90)))) {
     parts.push(svg("line", { class: "grid", x1: across(tick), x2: across(tick), y1: box.top, y2: bottom }));
     if (showX) parts.push(word(across(tick), bottom + 14, number(tick), { "text-anchor": "middle" }));
   }
-  parts.push(word(box.left, box.top - 5, titles.y, { class: "title" }));
+  parts.push(word(box.left, box.top - 5, withUnit(name, shown), { class: "title" }));
   if (showX && titles.x) parts.push(word(box.left + box.width, bottom + 28, titles.x, { class: "title", "text-anchor": "end" }));
   return { parts, across, up };
 }

@@ -32,7 +32,7 @@ function listOf(columns, state, rows, open, most = MOST_LISTED) {
     const run = idOf(columns, row);
     const told = metadata.axes.filter((axis) => axisText(columns, axis, row) !== SCENES_OWN);
     const settings = told.map((axis) => `${axis.name} ${axisText(columns, axis, row)}${axis.amount ? ` ${axis.amount}` : ""}`);
-    const values = extra.map((name) => `${name} ${number(columns[`value:${name}`][row])}`);
+    const values = extra.map((name) => `${name} ${amount(columns[`value:${name}`][row], quantityOf(name)?.[1] ?? "")}`);
     return element("li", {},
       element("button", { class: "plain", "data-run": run, onclick: () => open(row) }, run.slice(0, 8)),
       " ", element("span", { class: "nowrap" }, swatch(columns.label[row]), ` ${metadata.labels.names[columns.label[row]]}`),
@@ -62,7 +62,7 @@ function recordOf(columns, row) {
 function numbersOf(columns, row) {
   return metadata.quantities.flatMap(([name, unit, , , description]) => {
     const value = columns[`value:${name}`][row];
-    return Number.isFinite(value) ? [[withUnit(name, unit), String(Number(value.toPrecision(metadata.digits))), description]] : [];
+    return Number.isFinite(value) ? [[name, amount(value, unit), description]] : [];
   });
 }
 
@@ -80,7 +80,7 @@ function metricLists(columns, row) {
     if (columns[`value:${name}`]?.[row] > limit) breaching.add(name);
   }
   const all = numbersOf(columns, row);
-  const isFirst = ([name]) => breaching.has(name.split(" ")[0]);
+  const isFirst = ([name]) => breaching.has(name);
   return [all.filter(isFirst), all];
 }
 

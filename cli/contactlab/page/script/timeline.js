@@ -105,7 +105,7 @@ function addCursor(plot, reading) {
     if (time < 0 || time > plot.end) return;
     for (const side of ["x1", "x2"]) line.setAttribute(side, x);
     line.setAttribute("visibility", "visible");
-    const values = plot.panels.flatMap((panel) => panel.lines.map((each) => `${each.name} ${numberWithUnit(number(valueAt(each, time)), each.unit)}`));
+    const values = plot.panels.flatMap((panel) => panel.lines.map((each) => `${each.name} ${amount(valueAt(each, time), each.unit)}`));
     reading.textContent = `${number(time)} s: ${values.join(", ")}`;
   });
 }
