@@ -374,7 +374,7 @@ def test_facts_are_those_of_the_model(tmp_path: Path) -> None:
     assert found["overlap"].place == "contact world - box"
     # The start of a seed differs from the author's by less than a millimetre.
     assert found["overlap"].value == pytest.approx(0.02, abs=1e-3)
-    assert "of half the thinner geom" in found["overlap"].sentence
+    assert "of the thinner geom's half thickness" in found["overlap"].sentence
     assert found["depth"].value >= found["overlap"].value
     density = 0.005 / (4 / 3 * np.pi * 0.1**3)
     (inertia,) = list_inertia_facts(motions[0].model)

@@ -235,3 +235,13 @@ def test_numbers_are_aligned_right_in_markdown() -> None:
     table = table_of(("name", "runs"), [("stable", 12), ("slip", 3)])
     _, rule, *_ = render_markdown(document_of([table])).split("\n")
     assert rule == "|---|---:|"
+
+
+@given(
+    st.lists(st.sampled_from(("12.3 mm", "0.5 %", "3 seeds", "a", "4 1/s")), min_size=1),
+    st.integers(12, 80),
+)
+def test_no_line_ends_between_a_number_and_its_unit(words: list[str], width: int) -> None:
+    text = render_text(document_of(Section((Sentence(" ".join(words)),))), width)
+    assert re.sub(r"\s+", " ", text) == " ".join(words)
+    assert not re.search(r"^\s*(?:mm|%|1/s)", text, re.MULTILINE)

@@ -55,7 +55,7 @@ def examined(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("width", [390, 1440])
+@pytest.mark.parametrize("width", [390, 1100, 1440])
 def test_causes_of_an_examination_are_next_to_their_names(
     visit: Visit, examined: Path, width: int
 ) -> None:
@@ -68,6 +68,9 @@ def test_causes_of_an_examination_are_next_to_their_names(
         assert len(each["left"]) == 1
         assert max(each["names"]) <= each["left"][0]
         assert each["narrowest"] > 0.7 * width - 30
+    sizes = "each => [each.scrollWidth, each.parentElement.clientWidth]"
+    table, room = page.locator("table.budget").first.evaluate(sizes)
+    assert table <= room
     fix = page.locator("dl.causes dd").nth(3).bounding_box()
     assert fix["y"] + fix["height"] < 844
     assert "page.html" not in page.inner_text("body")

@@ -136,7 +136,7 @@ def robust_text(report: TradeoffReport) -> str:
     if report.robust is None:
         return f"No configuration has all margins at least {SAFE_MARGIN}."
     if report.robust.run_id == report.recommendation.run_id:
-        return f"It is {SAFE_MARGIN} times or more within every tolerance."
+        return f"Every tolerance is at least {SAFE_MARGIN} times the worst value."
     ratio = report.robust.time / report.recommendation.time
     values = _varying_text(report, report.robust.configuration)
     return f"All margins at least {SAFE_MARGIN} cost x{ratio:.3g} time: {values}."

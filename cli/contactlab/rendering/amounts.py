@@ -62,6 +62,11 @@ def format_interval(low: float | None, high: float | None, unit: str = "%") -> s
     return f"{first.removesuffix(suffix).removeprefix('x')} to {last.removeprefix('x')}"
 
 
+def format_others(count: int, noun: str) -> str:
+    """Return `; so do 2 more pairs` after a sentence about the first of several, or nothing."""
+    return f"; so do {count} more {noun}s" if count > 1 else f"; so does another {noun}" * count
+
+
 def format_setting(value: object, digits: int = 6) -> str:
     """Return the value of a setting or an axis: `0.02 1`, `elliptic`."""
     if isinstance(value, tuple):

@@ -3,6 +3,7 @@
 Only lines of files and single words may be wider than the width, since they cannot be broken.
 """
 
+import re
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
 
@@ -46,7 +47,7 @@ def render_text(document: Document, width: int = COLUMNS, paint: Paint | None = 
 
 def wrap_text(text: str, width: int = COLUMNS, first: str = "", rest: str | None = None) -> str:
     """Return a text in lines between words, the first and the others each after an indent."""
-    lines = textwrap.wrap(
+    lines = _wrap_words(
         in_one_line(text),
         width,
         initial_indent=first,
@@ -210,13 +211,25 @@ def _wrap_cell(cell: str, width: int, *, breakable: bool) -> list[str]:
     if len(cell) <= width:
         return [cell]
     indent = " " * (len(cell) - len(cell.lstrip()))
-    return textwrap.wrap(
-        cell,
-        width,
-        subsequent_indent=indent,
-        break_long_words=breakable,
-        break_on_hyphens=False,
+    return _wrap_words(
+        cell, width, subsequent_indent=indent, break_long_words=breakable, break_on_hyphens=False
     ) or [""]
+
+
+# A space between a number and its unit, on which no line ends.
+_BEFORE_UNIT = re.compile(
+    r"(?<=\d) (?=(?:%|[kMmµn]?(?:s|m|N|J|W|Hz|rad|g)|deg|min|[kMG]B|1/s)\b|%)"
+)
+_UNBROKEN = "\N{NO-BREAK SPACE}"
+
+
+def _wrap_words(text: str, width: int, **options: str | bool) -> list[str]:
+    wrapper = textwrap.TextWrapper(width)
+    for name, value in options.items():
+        setattr(wrapper, name, value)
+    lines = wrapper.wrap(_BEFORE_UNIT.sub(_UNBROKEN, text))
+    # A space that the text had is none of ours, but reads the same.
+    return [line.replace(_UNBROKEN, " ") for line in lines]
 
 
 def _block_rows(table: Table, rows: Sequence[Sequence[str]], width: int) -> Iterator[str]:

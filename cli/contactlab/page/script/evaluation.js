@@ -168,7 +168,7 @@ function recommendationOf(columns, evaluated, limits) {
 function robustText(columns, evaluated) {
   const least = `at least ${metadata.tradeoff.safeMargin}`;
   if (evaluated.robust === null) return `No configuration has all margins ${least}.`;
-  if (evaluated.robust === evaluated.recommended) return `It is ${metadata.tradeoff.safeMargin} times or more within every tolerance.`;
+  if (evaluated.robust === evaluated.recommended) return `Every tolerance is ${least} times the worst value.`;
   const ratio = columns.time[evaluated.robust] / columns.time[evaluated.recommended];
   const values = configurationOf(evaluated.robust).map((pair) => pair.join(" ")).join(", ");
   return `All margins ${least} cost x${number(ratio)} time: ${values}.`;

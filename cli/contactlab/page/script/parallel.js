@@ -9,15 +9,17 @@ function parallelAxes(page) {
     const last = Math.max(1, axis.ticks.length - 1);
     return { title: axis.title, at: (row) => codes[row] / last, ends: axis.ticks };
   });
-  const metrics = metadata.listed.slice(0, 4).map((name) => {
+  const knownOf = (name) => Array.from(columns[`value:${name}`]).filter((each) => Number.isFinite(each));
+  const varying = metadata.listed.filter((name) => new Set(knownOf(name)).size > 1);
+  const metrics = varying.slice(0, 4).map((name) => {
     const values = columns[`value:${name}`];
-    const known = Array.from(values).filter((each) => Number.isFinite(each));
+    const known = knownOf(name);
     const positive = known.filter((each) => each > 0).sort((a, b) => a - b);
     const logarithmic = positive.length === known.length && positive.at(-1) > 30 * positive[0];
     const [low, high] = extent(logarithmic ? known.map(Math.log10) : known);
     const place = linear([low, high], [0, 1]);
-    const ends = [low, high].map((each) => number(logarithmic ? 10 ** each : each));
-    return { title: withUnit(name, quantityOf(name)[1]), at: (row) => place(logarithmic ? Math.log10(values[row]) : values[row]), ends };
+    const ends = [low, high].map((each) => amount(logarithmic ? 10 ** each : each, quantityOf(name)[1]));
+    return { title: name, at: (row) => place(logarithmic ? Math.log10(values[row]) : values[row]), ends };
   });
   return [...axes, ...metrics];
 }

@@ -13,7 +13,9 @@ function columnsOf(page) {
     })),
     ...metadata.quantities.map(([name, unit]) => {
       const values = columns[`value:${name}`];
-      return { name, title: withUnit(name, unit), numeric: true, text: (row) => number(values[row]), key: (row) => (Number.isNaN(values[row]) ? -Infinity : values[row]) };
+      const most = values.reduce((most, value) => (Number.isFinite(value) ? Math.max(most, Math.abs(value)) : most), 0);
+      const [shown, factor] = smallUnit(unit, most);
+      return { name, title: withUnit(name, shown), numeric: true, text: (row) => number(values[row] * factor), key: (row) => (Number.isNaN(values[row]) ? -Infinity : values[row]) };
     }),
   ];
 }

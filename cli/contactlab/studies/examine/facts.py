@@ -164,8 +164,8 @@ def _find_worst(contacts: Sequence[_Contact]) -> _Contact | None:
 
 
 def _in_words(contact: _Contact) -> str:
-    share = format_percent(contact.share)
-    return f"{contact.pair}, {_format_mm(contact.amount)} mm ({share} of half the thinner geom)"
+    share = f"{format_percent(contact.share)} of the thinner geom's half thickness"
+    return f"{contact.pair}, {_format_mm(contact.amount)} mm ({share})"
 
 
 def _format_mm(length: float) -> str:

@@ -18,7 +18,7 @@ from contactlab.budget.force_places import contact_name
 from contactlab.budget.motion import Motion
 from contactlab.budget.windows import KEPT, Run, replay
 from contactlab.contact.trace_arrays import Floats
-from contactlab.rendering.amounts import format_digits
+from contactlab.rendering.amounts import format_digits, format_others
 from contactlab.scene.contact_pairs import half_extents, touch_mask
 from contactlab.schema.examination import Cause
 
@@ -124,7 +124,7 @@ def judge_fields(
         return [], ""
     first, others = passages[0], len(passages) - 1
     place = contact_name(motions[0].model, np.array([first.field, first.geom]))
-    more = f"; so do {others} more geoms" if others else ""
+    more = format_others(others, "geom")
     if first.depth:
         sentence = (
             f"{place} misses a body that falls through the height field: it is "

@@ -14,7 +14,7 @@ from contactlab.budget.motion import Motion
 from contactlab.budget.windows import KEPT, Run, body_name, cut
 from contactlab.contact.trace_arrays import Floats
 from contactlab.modifications.model_predicates import find_disable_bit, is_disabled
-from contactlab.rendering.amounts import format_digits
+from contactlab.rendering.amounts import format_digits, format_others
 from contactlab.scene.contact_pairs import geom_pairs, half_extents, mask_overlap, touch_mask
 from contactlab.scene.model_names import name_of
 from contactlab.schema.examination import Fact
@@ -57,13 +57,11 @@ class MaskedPassages:
         names = {contact_name(self._model, np.array(geoms)) for geoms in self._found}
         name = contact_name(self._model, np.array(first.geoms))
         one, other = name.removeprefix("contact ").split(" - ")
-        others = len(names) - 1
-        more = f"; so do {others} more pairs of bodies" if others > 1 else "; so does another pair"
         sentence = (
             f"{one} and {other} go through each other, {format_digits(1e3 * first.depth, 2)} mm at "
             f"{first.time:.2f} s: contype and conaffinity let them have no contact"
         )
-        sentence += more if others else ""
+        sentence += format_others(len(names) - 1, "pair")
         yield Fact(kind="masks", place=name, value=first.depth, unit="m", sentence=sentence)
 
 

@@ -15,6 +15,7 @@ from contactlab.closed_loop.loop_margins import LoopStudy
 from contactlab.errors import OutputError, SceneError
 from contactlab.foreign_code import printed_as_text
 from contactlab.modifications.catalogue import list_rows
+from contactlab.rendering.amounts import format_others
 from contactlab.reporting.loop_words import loop_sentence
 from contactlab.scene.model_draft import ModelEdits, join_edits
 from contactlab.scene.model_names import name_of
@@ -314,12 +315,14 @@ class CauseRepairer:
             return model
         worst = max(overlaps, key=lambda overlap: overlap.depth)
         pair, more = " and ".join(worst.names), len(overlaps) - 1
-        others = f"; so do {more} more pairs" if more else ""
+        others = format_others(more, "pair")
         sentence = (
             f"{pair} overlap in every pose of the joints between them: by {1e3 * worst.depth:.3g} "
             f"mm at the start{others}, so their contact jams these joints"
         )
-        name = f"no contacts of {pair}" + (f" and {more} more pairs" if more else "")
+        name = f"no contacts of {pair}" + (
+            f" and {more} more pair{'s' * (more > 1)}" if more else ""
+        )
         edits = ModelEdits(excluded=tuple(overlap.names for overlap in overlaps))
         return self._try_repair(model, Repair("file", sentence, name, "exclude", edits))
 

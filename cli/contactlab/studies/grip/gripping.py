@@ -447,7 +447,10 @@ def _grip_sentence(
     what = _object_words(setup)
     if word == "holds":
         where = f" ({worst.name})" if worst.speed > 0 else ""
-        return f"holds {what}: at most {_speed_text(worst.speed)}{where}, {force:.3g} N per finger"
+        return (
+            f"holds {what}: it creeps by at most {_speed_text(worst.speed)}{where}, under "
+            f"{force:.3g} N per finger"
+        )
     reason = f": {why[0].sentence}" if why else ""
     if not setup.grip.squeeze.is_held:
         text = f"drops {what}{reason}"

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from contactlab.contact.contact_laws import pyramid_softness, rest_penetration
+from contactlab.rendering.amounts import format_others
 from contactlab.scene.compile_model import wrong_options
 from contactlab.scene.contact_pairs import (
     detected_pairs,
@@ -147,7 +148,7 @@ def find_soft_pyramids(linted: LintedModel) -> Iterator[Fault]:
             soft_pairs.append((depth, softer, used.friction[0], (first, second)))
     if soft_pairs:
         depth, softer, friction, (first, second) = max(soft_pairs, key=lambda one: one[0])
-        more = f"; and {len(soft_pairs) - 1} more pairs" if len(soft_pairs) > 1 else ""
+        more = format_others(len(soft_pairs) - 1, "pair")
         names = f"{linted.name('geom', first)} and {linted.name('geom', second)}"
         yield Fault(
             f"a friction of {friction:g} makes contacts of {names} {softer:.3g} times as soft "

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from contactlab.numerical_tolerance import COARSE_ROUNDING
+from contactlab.rendering.amounts import format_others, format_percent
 from contactlab.scene.body_inertia import hull_volume, mesh_vertices
 from contactlab.scene.contact_pairs import half_extents, touch_mask, touch_places
 from contactlab.schema.task import QPOS0
@@ -90,10 +91,10 @@ def _overlap_text(linted: LintedModel, overlaps: Sequence[_Overlap]) -> str:
     worst = max(overlaps, key=lambda overlap: overlap.depth)
     bodies = [linted.name("body", int(linted.model.geom_bodyid[geom])) for geom in worst.geoms]
     geoms = " - ".join(linted.name("geom", geom) for geom in worst.geoms)
-    more = f"; {len(overlaps) - 1} more pairs of bodies overlap" if len(overlaps) > 1 else ""
+    more = format_others(len(overlaps) - 1, "pair")
     return (
         f"at {worst.start}, {bodies[0]} and {bodies[1]} overlap by {1e3 * worst.depth:.3g} mm "
-        f"({geoms}; {worst.share:.0%} of half the thinner){more}"
+        f"({geoms}; {format_percent(worst.share)} of the thinner's half thickness){more}"
     )
 
 
@@ -241,12 +242,12 @@ def find_pressed_bodies(linted: LintedModel) -> Iterator[Fault]:
     if pressed_pairs:
         pair, (times, start) = max(pressed_pairs.items(), key=lambda one: one[1][0])
         one, two = (linted.name("body", body) for body in pair)
-        more = f"; so do {len(pressed_pairs) - 1} more pairs" if len(pressed_pairs) > 1 else ""
+        more = format_others(len(pressed_pairs) - 1, "pair")
         size = "over 1,000" if times > 1000 else f"{times:.3g}"  # more says no more
         yield Fault(
             f"at {start}, {one} and {two} press on each other with {size} times the weight of all "
-            f"that moves, and no motor presses them{more}: joints hold them in each other; move "
-            "them apart, or exclude their contact",
+            f"that moves, and no motor presses them{more}: joints or other bodies hold them in "
+            "each other; move them apart, or exclude their contact",
             linted.place("body", pair[1]),
         )
 
