@@ -144,7 +144,9 @@ def test_runs_are_sorted_searched_filtered_and_saved(
     shown = [float(row.locator("th, td").nth(place).inner_text()) for row in rows.all()]
     known = store.columns.numbers("penetration_max").values
     assert "[mm]" in heads[place]  # the deepest is less than a tenth of a meter
-    assert [depth / 1e3 for depth in shown] == pytest.approx(sorted(known.tolist(), reverse=True), rel=1e-3)
+    assert [depth / 1e3 for depth in shown] == pytest.approx(
+        sorted(known.tolist(), reverse=True), rel=1e-3
+    )
     page.fill("#run-table input[type=search]", "stable 0.9")
     labels = store.columns.to_pydict(["label", "restitution"])
     wanted = [pair for pair in zip(*labels.values(), strict=True) if pair == ("stable", 0.9)]
