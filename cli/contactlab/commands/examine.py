@@ -150,11 +150,9 @@ def _check_model_file(model: Path, sections: Sequence[str]) -> None:
 def _write_live_page(report: "Examination", session: "Session", file: Path) -> None:
     """Write the page that simulates the runs of an examination's task."""
     from contactlab.live.live_page import write_live_page
-    from contactlab.store.finished_store import Store
     from contactlab.tasks.checked_model import TASK_STORE
 
-    store = Store.open(session.folder / TASK_STORE)
-    for note in write_live_page(store, file, examination=report):
+    for note in write_live_page(session.stores[TASK_STORE], file, examination=report):
         say(f"note: {note}")
     say(f"wrote {file}, {file.stat().st_size / 1e6:.2g} MB")
 
@@ -165,7 +163,6 @@ def _draw_page(
     """Draw the page of an examination, from the store of its runs, with films of its grips."""
     from contactlab.page.report_files import write_page
     from contactlab.reporting.report import PageRequest
-    from contactlab.store.finished_store import Store
     from contactlab.studies.grip.grip_film import film_writer
     from contactlab.tasks.checked_model import TASK_STORE
 
@@ -177,8 +174,7 @@ def _draw_page(
         except (SceneError, OutputError) as error:
             say(f"note: no film of its grip: {error}")
     report = report.model_copy(update={"page": str(file)})
-    store = Store.open(session.folder / TASK_STORE)
-    write_page(store, file, PageRequest(examination=report, grip=film))
+    write_page(session.stores[TASK_STORE], file, PageRequest(examination=report, grip=film))
     return report
 
 

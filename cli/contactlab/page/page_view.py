@@ -62,7 +62,6 @@ from contactlab.schema.sweep_schema import Bounds
 from contactlab.schema.tradeoff_report import Configuration, TradeoffReport
 from contactlab.step_progress import step_names
 from contactlab.store.finished_store import Store
-from contactlab.store.store_files import stored_sweep
 from contactlab.store.verify_store import trace_warning
 from contactlab.studies.parity.report_sections import HEADER, describe_report, run_cells, worst_runs
 
@@ -523,7 +522,7 @@ def effects_view(data: ReportData) -> EffectsView | None:
 def expectations_view(store: Store) -> ExpectationsView | None:
     """Return expectations and the first runs that do not meet theirs; None without expectations."""
     rows = list[tuple[str, str, str]]()
-    sweep = stored_sweep(store.manifest.sweep)
+    sweep = store.sweep
     for expectation in sweep.expect:
         conditions = [f"{name} = {value}" for name, value in expectation.where.settings.items()]
         conditions += [expectation.where.where] if expectation.where.where else []

@@ -10,7 +10,7 @@ from contactlab.errors import StoreError, SweepFileError
 from contactlab.schema.evidence import ERRORS
 from contactlab.schema.tradeoff_report import REALITY, ErrorMeasure, TimeMeasure
 from contactlab.store.finished_store import Store
-from contactlab.store.store_files import Address, parse_address, stored_sweep
+from contactlab.store.store_files import Address, parse_address
 
 MODELING_ERROR = "oracle_error"
 TIMED_COLUMN = "time_median"
@@ -41,7 +41,7 @@ def find_store(source: str, target: Address | None = None) -> Address | None:
 
 def tolerances_of(store: Store, criteria: Criteria) -> dict[str, float]:
     """Return tolerances of sweep and criteria; a SweepFileError for a column without numbers."""
-    sweep = stored_sweep(store.manifest.sweep)
+    sweep = store.sweep
     tolerances = {**sweep.tolerances, **criteria.tolerances}
     for name in tolerances:
         _check_number(store, name)
@@ -74,7 +74,7 @@ def error_measure(
     described = store.columns.described.get(name)
     # All runs of a sweep have the same kind of error.
     kinds = store.columns.coded("error_kind").values if name in ERRORS else ()
-    accuracy = stored_sweep(store.manifest.sweep).accuracy
+    accuracy = store.sweep.accuracy
     modeling = "modeling" if name == MODELING_ERROR else "metric"
     return ErrorMeasure(
         name=name,

@@ -12,7 +12,6 @@ from contactlab.rendering.amounts import format_setting
 from contactlab.schema.sweep_schema import Until
 from contactlab.shares import anytime
 from contactlab.store.finished_store import Store
-from contactlab.store.store_files import stored_sweep
 
 
 @dataclass(frozen=True)
@@ -35,7 +34,7 @@ class KnownShare:
 
 def known_shares(store: Store) -> tuple[Until, list[KnownShare]] | None:
     """Return the stop condition and the shares of a sweep; None if it ran all of its draws."""
-    sweep = stored_sweep(store.manifest.sweep)
+    sweep = store.sweep
     if sweep.until is None:
         return None
     counts = counts_for_share(sweep.until.share, labels_with("required"))
@@ -73,7 +72,7 @@ def share_lines(until: Until, shares: list[KnownShare]) -> Iterator[str]:
 
 def worst_lines(store: Store) -> Iterator[str]:
     """Yield the worst of each search in a line; no line for a sweep without `search`."""
-    sweep = stored_sweep(store.manifest.sweep)
+    sweep = store.sweep
     if sweep.search is None:
         return
     metric = sweep.search.metric

@@ -6,7 +6,6 @@ from contactlab.judge.wording import share_with_interval
 from contactlab.rendering.amounts import format_percent
 from contactlab.reporting.report_columns import STABLE, RunLabels
 from contactlab.store.finished_store import Store
-from contactlab.store.store_files import stored_sweep
 
 ShareWords = Callable[[int, int], str]
 
@@ -17,7 +16,7 @@ def share_words(store: Store) -> ShareWords:
     If runs are draws of axes or seeds, it has Wilson's interval of 95 %. The share of the cells of
     a grid is exact.
     """
-    sweep = stored_sweep(store.manifest.sweep)
+    sweep = store.sweep
     return share_with_interval if sweep.is_drawn else exact_share
 
 

@@ -13,7 +13,6 @@ from contactlab.reporting.report_columns import summary_metrics
 from contactlab.schema.evidence import ParameterBudget, ParameterRow
 from contactlab.schema.sweep_schema import MOST_SENSITIVITIES
 from contactlab.store.finished_store import Store
-from contactlab.store.store_files import stored_sweep
 
 FAILED = "failed"
 
@@ -46,7 +45,7 @@ def find_sensitivities(store: Store, metrics: Sequence[str] = ()) -> Iterator[Se
     based sensitivity analysis of model output", 2010, as SciPy has them. Metrics are those of the
     summary unless some are named; one that a run lacks, or that does not vary, is left out.
     """
-    sweep = stored_sweep(store.manifest.sweep)
+    sweep = store.sweep
     if sweep.sample is None or sweep.sample.method != "saltelli":
         return
     columns = store.columns

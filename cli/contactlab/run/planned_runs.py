@@ -329,6 +329,11 @@ def open_store_scene(store: Store) -> Scene:
     return _OPENED[store]
 
 
+def keep_scene(store: Store, scene: Scene) -> None:
+    """Keep the scene that the runs of a store were planned with, for `open_store_scene`."""
+    _OPENED[store] = scene
+
+
 def local_scene(store: Address, folder: Path) -> Path:
     """Return a local folder with a store's scene, fetched from object storage if necessary.
 

@@ -18,6 +18,7 @@ from contactlab.errors import StoreError, did_you_mean, optional
 from contactlab.mjcf import is_condition
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import EvidenceRecord, StoreManifest, TraceFile
+from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import REALITY
 from contactlab.schema.vocabulary import Role
 from contactlab.store.arrow_values import numpy_array
@@ -205,13 +206,21 @@ class Store:
         """The unit of every numeric column; `1` for counts and ratios."""
         return {name: column.unit for name, column in self.columns.described.items() if column.unit}
 
+    @cached_property
+    def sweep(self) -> Sweep:
+        """The sweep that it has the runs of.
+
+        Raises a StoreError if it is not one of this version.
+        """
+        return stored_sweep(self.manifest.sweep)
+
     @property
     def reported_roles(self) -> dict[str, Role]:
         """The role of each axis in reports, which recommend no value of a physical condition.
 
         A comparison with recordings seeks such values, so that axes keep the roles of the sweep.
         """
-        roles, columns = stored_sweep(self.manifest.sweep).roles, self.columns
+        roles, columns = self.sweep.roles, self.columns
         if REALITY in columns.metric_columns and columns.has_finite(REALITY):
             return roles
         return {name: "scenario" if is_condition(name) else role for name, role in roles.items()}

@@ -3,6 +3,7 @@
 import math
 import warnings
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -292,7 +293,9 @@ class CheckedModel:
 
     def elsewhere(self, workers: int) -> "CheckedModel":
         """Return the model with runs in `workers` other processes."""
-        return replace(self, session=replace(self.session, workers=workers))
+        model = copy(self)  # with its task and motions as far as they are known
+        model.session = replace(self.session, workers=workers)
+        return model
 
     def measure(
         self,

@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import count
 from pathlib import Path
 from typing import TypeVar
@@ -16,6 +16,7 @@ from pydantic import TypeAdapter, ValidationError
 from contactlab.errors import OtherSweepError, OutputError, StoreError, SweepFileError
 from contactlab.plan.overrides import Overrides
 from contactlab.plan.sweep_file import read_sweep
+from contactlab.run.planned_runs import keep_scene
 from contactlab.run.sweep_request import SceneLoader, SweepRequest
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.run.tasks import BeginCallback, Finished, Stop
@@ -47,6 +48,8 @@ class Session:
     notify: Callable[[str], None] = _ignore
     stop: Stop | None = None  # set, from another thread or a signal handler, to end the study early
     allow_code: bool = False  # whether policies may run, which are code
+    # Those of the sweeps that studies made up, by name.
+    stores: dict[str, Store] = field(default_factory=dict[str, Store])
 
     def claim(self, results: str, reference: str) -> None:
         """Take the folder's one place for such results; an OutputError if it has another's."""
@@ -98,11 +101,14 @@ class Session:
             fresh=not resume,
         )
         try:
-            return self.run(request)
+            store = self.run(request)
         except StoreError:
             if not resume:
                 raise
-            return self.run(replace(request, fresh=True))
+            store = self.run(replace(request, fresh=True))
+        keep_scene(store, scene)
+        self.stores[name] = store
+        return store
 
     def write(self, files: Mapping[str, str]) -> None:
         """Write text files into the session's folder, by name; an OutputError if one cannot be."""
