@@ -59,23 +59,19 @@ def _replay_files(
         lines = list(map(json.loads, texts))
         if not lines:
             # No witness has begun, so that none ended the process.
-            raise EngineError(_describe_start(process, release))
+            messages = process.stderr.strip().splitlines()
+            reason = messages[-1] if messages else f"it ended with {process.returncode}"
+            raise EngineError(
+                f"no witness can be replayed under MuJoCo {release}, since {process.args[0]} does "
+                f"not start {_PROCESS}: {reason}; repair the packages of this Python (PYTHONPATH "
+                "may name another contactlab or mujoco), or leave this release out of --mujoco"
+            )
         sys.stderr.write(process.stderr)
         last |= {line["file"]: line for line in lines}
         current_file = lines[-1]["file"] if lines else remaining_files[0]
         last.setdefault(current_file, {"file": current_file})
         remaining_files = remaining_files[remaining_files.index(current_file) + 1 :]
     return last
-
-
-def _describe_start(process: "subprocess.CompletedProcess[str]", release: str) -> str:
-    lines = process.stderr.strip().splitlines()
-    reason = lines[-1] if lines else f"it ended with {process.returncode}"
-    return (
-        f"no witness can be replayed under MuJoCo {release}, since {process.args[0]} does not "
-        f"start {_PROCESS}: {reason}; repair the packages of this Python (PYTHONPATH may name "
-        "another contactlab or mujoco), or leave this release out of --mujoco"
-    )
 
 
 def _judge_line(advisory: Advisory, release: str, line: Mapping[str, Any]) -> WitnessResult:

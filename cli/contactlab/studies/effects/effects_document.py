@@ -15,7 +15,6 @@ from contactlab.rendering.document import (
     table_of,
 )
 from contactlab.schema.effects_report import REPORT, EffectsReport, PartEffect
-from contactlab.schema.time_ratio import TimeRatio
 
 _HEADS = ("feature or part", "verdict", "error", "worst body", "time")
 
@@ -54,7 +53,10 @@ def describe_effects(report: EffectsReport, *, folder: Path | None = None) -> Do
 
 def _describe_row(part: PartEffect) -> tuple[str, ...]:
     error = "" if part.error is None else format_percent(part.error)
-    time = _format_ratio(part.time_ratio) if part.time_ratio else ""
+    ratio, time = part.time_ratio, ""
+    if ratio is not None:
+        # A difference that is noise is none.
+        time = "same" if ratio.low <= 1 <= ratio.high else f"x{ratio.ratio:.2f}"
     # A row fits into 80 columns.
     part_name, body = _shorten_name(name_part(part), width=27), _shorten_name(part.body, width=15)
     return part_name, part.verdict, error, body, time
@@ -68,12 +70,6 @@ def name_part(part: PartEffect) -> str:
 
 def _shorten_name(text: str, width: int) -> str:
     return text if len(text) <= width else f"{text[: width - 1]}…"
-
-
-def _format_ratio(ratio: TimeRatio) -> str:
-    if ratio.low <= 1 <= ratio.high:
-        return "same"  # the difference is noise
-    return f"x{ratio.ratio:.2f}"
 
 
 def _list_sentences(report: EffectsReport, shown_parts: list[PartEffect]) -> Iterator[str]:

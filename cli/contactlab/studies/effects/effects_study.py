@@ -20,7 +20,7 @@ from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_names import name_of
 from contactlab.scene.model_writer import refuse_place
 from contactlab.scene.mujoco_versions import VERSION
-from contactlab.schema.effects_report import REPORT, EffectsReport, PartEffect, SmallerModel
+from contactlab.schema.effects_report import REPORT, EffectsReport, PartEffect
 from contactlab.schema.time_ratio import LEAST_SAVING, TimeRatio
 from contactlab.step_progress import count_steps, step_names
 from contactlab.studies.effects.effects_request import EffectsRequest
@@ -86,10 +86,21 @@ def study_effects(request: EffectsRequest, session: Session) -> EffectsReport:
         begin_step(steps[1])
         study.measure_savings()
         begin_step(steps[2])
-        search, smaller = _find_smaller(request, session, study, allowed)
+        smaller_share = 0.8  # of the time limit; the rest shows which other parts are needed
+        search = SmallerSearch(
+            scenarios=scenarios,
+            session=session,
+            clock=study.clock,
+            errors=study.errors,
+            base=study.base,
+            runs=study.runs,
+            time_limit=replace(allowed, seconds=smaller_share * allowed.seconds),
+            write=request.write,
+        )
+        tolerance = examined.task.tolerance
+        smaller = search.find_smaller([one for one in study.measured if one.can_go(tolerance)])
         begin_step(steps[3])
         study.measure_others()
-    tolerance = examined.task.tolerance
     ranked_parts = sorted(study.measured, key=lambda one: _rank_part(one, tolerance))
     effects = tuple(_describe_part(one, tolerance) for one in ranked_parts)
     report = EffectsReport(
@@ -110,24 +121,6 @@ def study_effects(request: EffectsRequest, session: Session) -> EffectsReport:
     )
     session.write({REPORT: report.model_dump_json(indent=2) + "\n"})
     return report
-
-
-def _find_smaller(
-    request: EffectsRequest, session: Session, study: "EffectsStudy", allowed: TimeLimit
-) -> tuple[SmallerSearch, SmallerModel | None]:
-    smaller_share = 0.8  # of the time limit; the rest shows which other parts are needed
-    search = SmallerSearch(
-        scenarios=study.scenarios,
-        session=session,
-        clock=study.clock,
-        errors=study.errors,
-        base=study.base,
-        runs=study.runs,
-        time_limit=replace(allowed, seconds=smaller_share * allowed.seconds),
-        write=request.write,
-    )
-    tolerance = study.scenarios.models[0].task.tolerance
-    return search, search.find_smaller([one for one in study.measured if one.can_go(tolerance)])
 
 
 class EffectsStudy:

@@ -258,7 +258,12 @@ def list_model_features(
     if flags := unused_flags(checked.scene.source.model):
         edits = ModelEdits(unflagged=flags)
         proof = "no state depends on it"
-        yield ModelPart("feature", "energy", edits, _clear_flags(flags), proof=proof)
+
+        def clear_flags(changed: mujoco.MjModel) -> None:
+            for name in flags:
+                changed.opt.enableflags &= ~_flag_bits(name)[1]
+
+        yield ModelPart("feature", "energy", edits, clear_flags, proof=proof)
 
 
 def list_missing_features(checked: CheckedModel, model: mujoco.MjModel) -> Iterator[ModelPart]:
@@ -286,14 +291,6 @@ def _add_feature(feature: Feature, reason: str) -> ModelPart:
     return ModelPart(
         "feature", feature.name, edits, change, exercised=True, reason_to_stay=reason, adds=True
     )
-
-
-def _clear_flags(names: Sequence[str]) -> InPlaceChange:
-    def edit_model(model: mujoco.MjModel) -> None:
-        for name in names:
-            model.opt.enableflags &= ~_flag_bits(name)[1]
-
-    return edit_model
 
 
 def _list_sensors(model: mujoco.MjModel, keep: Sequence[str]) -> Iterator[ModelPart]:

@@ -207,7 +207,7 @@ def run(request: ExamineRequest, session: Session) -> Examination:
     if wanted <= _NOT_JUDGED:
         return judge_loops(report)
     with temporary_folder() as folder:
-        return _measure_budget(request, report, examined, limit, (Path(folder), study, met))
+        return _measure_budget(request, report, examined, limit, Path(folder), study, met)
 
 
 def _open_examined(request: ExamineRequest, session: Session) -> JudgedModel:
@@ -282,14 +282,15 @@ def _measure_budget(
     report: Examination,
     examined: CheckedModel,
     limit: WorkLimit,
-    place: tuple[Path, LoopStudy | None, MetFaults],
+    folder: Path,
+    study: LoopStudy | None,
+    met: MetFaults,
 ) -> Examination:
     """Return a report with its budget, facts, fixes and verdict.
 
-    The limit began with the examination. The place is a folder
-    for repaired models, the study of the loop of a policy, and faults of the engine.
+    The limit began with the examination. The folder is for repaired models, and the study is that
+    of the loop of a policy.
     """
-    folder, study, met = place
     request.begins("measuring its error budget")
     if not examined.moves:
         return conclude(report)
@@ -312,8 +313,8 @@ def _measure_budget(
     designs = () if is_known else tuple(_list_design_causes(examined, report.labels, grip))
     repaired = replace(repaired, causes=(*repaired.causes, *designs))
     if "fixes" in request.sections and not broken:
-        repairer = _make_repairer(request, examined, report, folder, limit)
-        repairer = replace(repairer, meets_fault=met.acts)
+        left = _limit_share(limit, _VERIFYING, examined)
+        repairer = _make_repairer(request, examined, report, folder, left, meets_fault=met.acts)
         repaired = repairer.repair_model(report.labels, faults, tuple(find_failed_checks(report)))
         repaired = _repair_design(repairer, repaired, grip, designs)
         repaired = repairer.repair_loop(repaired, study, report.loop, request.apply)
@@ -323,7 +324,13 @@ def _measure_budget(
             fault.stage == "file" for fault in repaired.faults
         )
         if searched and (not files or repaired.word not in PASSING_VERDICTS):
-            verifier = _make_verifier(request, repaired.examined, repaired.labels, limit)
+            verifier = FixVerifier(
+                repaired.examined,
+                repaired.examined.budget_verdict,
+                repaired.labels,
+                lambda file: open_changed_model(file, examined.session, request.task),
+                _limit_share(limit, _VERIFYING, repaired.examined),
+            )
             search = _search_fixes(
                 request, repaired, files, verifier, _limit_share(limit, _FIXING, examined)
             )
@@ -499,10 +506,10 @@ def _make_repairer(
     examined: CheckedModel,
     report: Examination,
     folder: Path,
-    limit: WorkLimit,
+    left: Callable[[], float],
+    *,
+    meets_fault: bool,
 ) -> CauseRepairer:
-    left = _limit_share(limit, _VERIFYING, examined)
-
     def open_repaired(
         reference: str, rows: Sequence[str], settings: Settings, drive: PolicyDrive | None
     ) -> CheckedModel:
@@ -538,20 +545,8 @@ def _make_repairer(
         verify=verify,
         find_time_left=left,
         describe=describe,
+        meets_fault=meets_fault,
     )
-
-
-def _make_verifier(
-    request: ExamineRequest,
-    examined: CheckedModel,
-    labels: Sequence[RunLabel],
-    limit: WorkLimit,
-) -> FixVerifier:
-    def open_changed(reference: str) -> CheckedModel:
-        return open_changed_model(reference, examined.session, request.task)
-
-    left = _limit_share(limit, _VERIFYING, examined)
-    return FixVerifier(examined, examined.budget_verdict, labels, open_changed, left)
 
 
 def _write_result(

@@ -9,7 +9,7 @@ from contactlab.scene.scene_source import SceneSource
 from contactlab.schema.examination import Fact, Stage
 from contactlab.schema.finding import PlacedFinding
 from contactlab.schema.task import QPOS0
-from contactlab.studies.lint.linted_model import LintedModel, edited, linted_model
+from contactlab.studies.lint.linted_model import edited, linted_model
 from contactlab.studies.lint.linting import lint_scene
 from contactlab.studies.lint.rules import RULES
 from contactlab.studies.lint.starts import KEYFRAME_RANGE, largest_excess
@@ -126,8 +126,13 @@ def _list_start_faults(source: SceneSource, reference: str, start: str) -> Itera
             # A keyframe states a posture, so one that its limits push far at once is not the one
             # meant. A joint that a limit stops softly passes it by less than this share.
             far = 0.05
-            if largest_excess(linted.model, linted.starts[start]) > far:
-                yield from _find_start_off_limits(linted, reference, start)
+            if largest_excess(linted.model, linted.starts[start]) <= far:
+                return
+            place = linted.place("key", start)
+            line = f"{_relative_to_model(str(place.file), reference)}:{place.line}"
+            for fault in RULES[KEYFRAME_RANGE].function(linted):
+                if fault.place == place and f"'{start}'" in fault.message:
+                    yield FileFault(KEYFRAME_RANGE, f"{fault.message} ({line})", "start")
             return
         short = linted.short_keyframes[start]
     place = f"{_relative_to_model(str(short.place.file), reference)}:{short.place.line}"
@@ -139,11 +144,3 @@ def _list_start_faults(source: SceneSource, reference: str, start: str) -> Itera
         is_of_start=True,
         fix=f"write {numbers} ({place}), which has {short.length}; all else follows from it",
     )
-
-
-def _find_start_off_limits(linted: LintedModel, reference: str, start: str) -> Iterator[FileFault]:
-    for fault in RULES[KEYFRAME_RANGE].function(linted):
-        place = linted.place("key", start)
-        if fault.place == place and f"'{start}'" in fault.message:
-            line = f"{_relative_to_model(str(place.file), reference)}:{place.line}"
-            yield FileFault(KEYFRAME_RANGE, f"{fault.message} ({line})", "start")

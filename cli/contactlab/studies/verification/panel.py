@@ -184,12 +184,22 @@ class Verification:
             if not (self._finds_harm and self._request.stop_early):
                 self._compare_runs(runs)
         measures, request, panel = self._measures, self._request, self._panel
-        idle = not self._finds_harm and not _is_improved(measures, request.must_improve)
+        # A change that is meant to improve a measure has to do so beyond the spread of its repeats.
+        aims = [measure for measure in measures if measure.name in request.must_improve]
+        aim = max(aims, key=lambda measure: measure.before or 0.0, default=None)
+        is_better = not request.must_improve
+        if aim is not None and aim.before is not None and aim.after is not None:
+            is_better = aim.before - aim.after > aim.spread
+        idle = not self._finds_harm and not is_better
         summary = summarize_measures(measures)
         if panel.ended_early and not measures:
             summary = "the time limit came before the first run"
         elif panel.ended_early and not self._finds_harm:
             summary += "; the time limit ended it early"
+        if idle:
+            summary = f"no {request.must_improve[0]} was measured"
+            if aim is not None:
+                summary = f"no better: {describe_measure(aim)}"
         task = _shorten_task(request)
         return VerifiedChange(
             seeds=task.seeds,
@@ -198,7 +208,7 @@ class Verification:
             skipped=tuple(panel.skipped),
             identical=panel.identical and not self._finds_harm,
             passed=not self._finds_harm and not idle,
-            sentence=_idle_sentence(measures, request.must_improve) if idle else summary,
+            sentence=summary,
             ended_early=panel.ended_early,
         )
 
@@ -211,25 +221,6 @@ class Verification:
             self._measures.append(measure)
             if measure.worse and self._request.stop_early:
                 return
-
-
-def _is_improved(measures: Sequence[VerifiedMeasure], names: Sequence[str]) -> bool:
-    first = _largest_of(measures, names)
-    if first is None or first.before is None or first.after is None:
-        return not names
-    return first.before - first.after > first.spread
-
-
-def _largest_of(
-    measures: Sequence[VerifiedMeasure], names: Sequence[str]
-) -> VerifiedMeasure | None:
-    own = [measure for measure in measures if measure.name in names]
-    return max(own, key=lambda measure: measure.before or 0.0, default=None)
-
-
-def _idle_sentence(measures: Sequence[VerifiedMeasure], names: Sequence[str]) -> str:
-    first = _largest_of(measures, names)
-    return f"no better: {describe_measure(first)}" if first else f"no {names[0]} was measured"
 
 
 def summarize_measures(measures: Sequence[VerifiedMeasure]) -> str:
@@ -608,17 +599,16 @@ def _measure_error_pair(
 ) -> tuple[ErrorEstimate, ErrorEstimate] | None:
     # The result is the error before and after; no error up to `floor` is worse. A coarse reference
     # is tried if the original's budget says that its error is small.
-    if _is_known_small(request.original, floor / 2):
+    original, most = request.original, floor / 2
+    if (
+        most > ERROR_FLOOR
+        and original.has_budget
+        and all(phase.run.error <= most for phase in original.budget.phases)
+    ):
         pair = _measure_errors_at(request, run, _COARSE_RATES)
         if pair is not None and all(each.error <= _CLEAR_SHARE * floor for each in pair):
             return pair
     return _measure_errors_at(request, run, _RATES)
-
-
-def _is_known_small(original: CheckedModel, most: float) -> bool:
-    if most <= ERROR_FLOOR or not original.has_budget:
-        return False
-    return all(phase.run.error <= most for phase in original.budget.phases)
 
 
 def _measure_errors_at(

@@ -171,7 +171,9 @@ def compare_run(
     yield from _compare_extremes(
         run, tables, chaotic=chaotic, keeps_start=keeps_start, keeps_motion=keeps_motion
     )
-    if not (keeps_start and _needs_reference(run, keeps_motion=keeps_motion)):
+    # Besides the extremes, a run has measures of its motion, its rest, its energy or its tracking.
+    has_more = keeps_motion or run.at_rest or run.passive or run.actuators
+    if not keeps_start or not has_more:
         return
     good = tables.comparable
     if not good.any():
@@ -198,11 +200,6 @@ def compare_run(
             left_out = left_out | find_unresolved()
             place_measures = [*_compare_places(run, tables, allowed, left_out, chaotic=chaotic)]
         yield from place_measures
-
-
-def _needs_reference(run: PairedRun, *, keeps_motion: bool) -> bool:
-    # Whether a run has measures besides the extremes.
-    return bool(keeps_motion or run.at_rest or run.passive or run.actuators)
 
 
 def find_unresolved_bodies(run: PairedRun, tables: Tables, workers: int) -> np.ndarray:
