@@ -1,6 +1,5 @@
 """Shares of draws have an interval, and those of a grid none."""
 
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -8,6 +7,7 @@ import pytest
 
 from contactlab.rendering.amounts import format_percent
 from contactlab.reporting.label_shares import share_words
+from contactlab.schema.sweep_schema import Sweep
 from contactlab.shares import wilson
 from contactlab.store.finished_store import Store
 
@@ -15,8 +15,7 @@ from contactlab.store.finished_store import Store
 def store_of(**changes: Any) -> Store:
     """Return what the words read of a store: its sweep."""
     resolved = {"version": 1, "scene": "?", "axes": {"tilt": [1, 2]}, **changes}
-    sweep = SimpleNamespace(resolved=resolved)
-    return cast("Store", SimpleNamespace(manifest=SimpleNamespace(sweep=sweep), address=Path()))
+    return cast("Store", SimpleNamespace(sweep=Sweep.model_validate(resolved)))
 
 
 @pytest.mark.parametrize(
