@@ -43,7 +43,18 @@ def describe_effects(report: EffectsReport, *, folder: Path | None = None) -> Do
     if rows:
         blocks.append(table_of(_HEADS, rows))
     blocks += map(Sentence, _list_sentences(report, shown_parts))
-    blocks += _describe_smaller(report, folder)
+    if smaller := report.smaller:
+        path = Path(smaller.file) if folder is None else folder / smaller.file
+        most_lines = 12
+        blocks += [
+            Sentence(f"verified: {smaller.sentence}"),
+            Code(tuple(shortened(smaller.lines, most_lines, f"the patch next to {path}"))),
+            Sentence(f"wrote {path}"),
+            Code((f"next: contactlab {shell_word(path)}",), indent=0),
+        ]
+        if any(part.kind == "sensor" and part.can_go for part in report.effects):
+            advice = "Your program may read sensors: --keep sensors keeps all, --keep NAME one."
+            blocks.append(Sentence(advice))
     if report.timed_out:
         blocks.append(Sentence("The CPU limit was reached; raise it with --max-cpu."))
     if folder:
@@ -103,17 +114,3 @@ def _join_names(names: "list[str] | tuple[str, ...]") -> str:
     most_names = 12
     more = len(names) - most_names
     return ", ".join(names[:most_names]) + (f" and {more} more" if more > 0 else "")
-
-
-def _describe_smaller(report: EffectsReport, folder: Path | None) -> Iterator[Block]:
-    smaller = report.smaller
-    if smaller is None:
-        return
-    yield Sentence(f"verified: {smaller.sentence}")
-    path = Path(smaller.file) if folder is None else folder / smaller.file
-    most_lines = 12
-    yield Code(tuple(shortened(smaller.lines, most_lines, f"the patch next to {path}")))
-    yield Sentence(f"wrote {path}")
-    yield Code((f"next: contactlab {shell_word(path)}",), indent=0)
-    if any(part.kind == "sensor" and part.can_go for part in report.effects):
-        yield Sentence("Your program may read sensors: --keep sensors keeps all, --keep NAME one.")

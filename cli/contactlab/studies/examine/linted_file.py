@@ -1,6 +1,6 @@
 """Reports the mistakes in a model's files as facts of its examination."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -59,7 +59,15 @@ def lint_file(source: SceneSource, reference: str, start: str) -> LintedFile:
     report = lint_scene(source, reference)
     found = [*report.open("error"), *report.open("warning")]
     faults = [*_list_start_faults(source, reference, start)]
-    facts = [*_list_file_facts([one for one in found if not _is_limp(one)], reference)]
+    facts, most_named = list[Fact](), 3
+    shown = [finding for finding in found if not _is_limp(finding)]
+    for number, finding in enumerate(shown[:most_named], 1):
+        place = f"{_relative_to_model(finding.file, reference)}:{finding.line}"
+        sentence = f"{place}: {finding.severity}: {finding.message} [{finding.name}]"
+        if number == most_named < len(shown):
+            sentence += f"; contactlab lint lists {len(shown) - most_named} more"
+        place = f"{finding.file}:{finding.line}"
+        facts.append(Fact(kind="file", place=place, value=finding.line, unit="", sentence=sentence))
     for finding in found:
         rule, is_limp = RULES[finding.name], _is_limp(finding)
         place = f"{_relative_to_model(finding.file, reference)}:{finding.line}"
@@ -76,18 +84,6 @@ def lint_file(source: SceneSource, reference: str, start: str) -> LintedFile:
 
 def _is_limp(finding: PlacedFinding) -> bool:
     return RULES[finding.name].voids_postures
-
-
-def _list_file_facts(found: Sequence[PlacedFinding], reference: str) -> Iterator[Fact]:
-    most_named = 3
-    more = len(found) - most_named
-    for number, finding in enumerate(found[:most_named], 1):
-        place = f"{finding.file}:{finding.line}"
-        name = f"{_relative_to_model(finding.file, reference)}:{finding.line}"
-        sentence = f"{name}: {finding.severity}: {finding.message} [{finding.name}]"
-        if number == most_named and more > 0:
-            sentence += f"; contactlab lint lists {more} more"
-        yield Fact(kind="file", place=place, value=finding.line, unit="", sentence=sentence)
 
 
 def write_rule_edits(

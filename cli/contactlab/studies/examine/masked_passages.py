@@ -46,8 +46,32 @@ class MaskedPassages:
 
     def enter(self, motion: Motion, run: Run, begin: float) -> None:
         """Look at a phase's first seed, as it was replayed, which begins at that time [s]."""
-        for passage in _find_passages(motion, run, self._pairs, begin) if self._pairs else ():
-            self._found.setdefault(passage.geoms, passage)
+        if not self._pairs:
+            return
+        model, step = motion.model, motion.model.opt.timestep
+        data, geoms, halves = mujoco.MjData(model), np.array(self._pairs), half_extents(model)
+        thin = halves[geoms].min(axis=1)
+        apart = np.ones(len(geoms), bool)
+        window_seconds = 0.02  # between states that are looked at, as far as the first seed came
+        length, begins = cut(motion, window_seconds)
+        lost = run.begins[~run.valid[0]]
+        if lost.size:
+            begins = begins[begins + length <= lost[0]]
+        for place in map(int, begins):
+            mujoco.mj_setState(model, data, run.velocity_states[0, place], KEPT)
+            mujoco.mj_kinematics(model, data)
+            near = apart & _are_near(model, data, geoms)
+            for pair in np.flatnonzero(near):
+                one, other = (int(geom) for geom in geoms[pair])
+                depth = -mujoco.mj_geomDistance(model, data, one, other, 0.0, None)
+                if not place:
+                    # Up to half of half the thinner geom, its middle begins outside of the other.
+                    apart[pair] = depth < thin[pair] / 2
+                elif depth >= thin[pair]:
+                    # The first passage of a pair counts.
+                    passage = _Passage((one, other), depth, begin + place * step)
+                    self._found.setdefault(passage.geoms, passage)
+                    apart[pair] = False
 
     def facts(self) -> Iterator[Fact]:
         """Yield the first pair that does."""
@@ -156,34 +180,6 @@ def _list_masked(model: mujoco.MjModel) -> list[tuple[int, int]]:
     masked = touch_mask(open_to_all) & ~mask_overlap(model) & ~touch_mask(model)
     masked &= ~np.isin(model.geom_type, _UNMEASURED)
     return geom_pairs(masked)
-
-
-def _find_passages(
-    motion: Motion, run: Run, pairs: Sequence[tuple[int, int]], begin: float
-) -> Iterator[_Passage]:
-    """Yield the passages of a phase's first seed, the earliest of a pair first."""
-    model, step = motion.model, motion.model.opt.timestep
-    data, geoms, halves = mujoco.MjData(model), np.array(pairs), half_extents(model)
-    thin = halves[geoms].min(axis=1)
-    apart = np.ones(len(pairs), bool)
-    window_seconds = 0.02  # between states that are looked at, as far as the first seed came
-    length, begins = cut(motion, window_seconds)
-    lost = run.begins[~run.valid[0]]
-    if lost.size:
-        begins = begins[begins + length <= lost[0]]
-    for place in map(int, begins):
-        mujoco.mj_setState(model, data, run.velocity_states[0, place], KEPT)
-        mujoco.mj_kinematics(model, data)
-        near = apart & _are_near(model, data, geoms)
-        for pair in np.flatnonzero(near):
-            one, other = (int(geom) for geom in geoms[pair])
-            depth = -mujoco.mj_geomDistance(model, data, one, other, 0.0, None)
-            if not place:
-                # Up to half of half the thinner geom, its middle begins outside of the other.
-                apart[pair] = depth < thin[pair] / 2
-            elif depth >= thin[pair]:
-                yield _Passage((one, other), depth, begin + place * step)
-                apart[pair] = False
 
 
 def _are_near(

@@ -51,7 +51,15 @@ def separated(
     model = motions[0].model
     word: VerdictWord = "depends" if verdict.word == "depends" else "inaccurate"
     can_move = any(moved_starts(scene, values, motions[0]))
-    stuck = () if can_move else tuple(_find_stuck(motions[0]))
+    # Pairs deep in each other of which neither is the world's, and neither floats.
+    stuck = list[tuple[int, int]]()
+    if not can_move:
+        data = begin_motion(motions[0])
+        least = OPEN_TOLERANCE * moving_extent(model, data)
+        for one, two, depth in find_overlaps(model, data):
+            links_of_bodies = [_list_links(model, body) for body in (one, two)]
+            if depth > least and all(way[0] and way[-1] == 0 for way in links_of_bodies):
+                stuck.append((one, two))
     pairs = dict.fromkeys((*overlapping(motions[0]), *stuck))
     if not pairs:
         return ()
@@ -234,7 +242,13 @@ def _free_roots(
     roots = dict[str, None]()
 
     def free(spec: mujoco.MjSpec) -> None:
-        roots.update(dict.fromkeys(_welded_roots(spec, names)))
+        bodies = {body.name: body for body in spec.bodies if body != spec.worldbody}
+        for link in (bodies[name] for pair in names for name in pair if name in bodies):
+            root = link
+            while root.parent != spec.worldbody:
+                root = root.parent
+            if not root.joints:
+                roots[root.name] = None
         edit_spec(spec, ModelEdits(freed=tuple(roots)))
 
     if compiled(scene, values, free) is None or not roots:
@@ -248,32 +262,11 @@ def _free_roots(
     )
 
 
-def _welded_roots(spec: mujoco.MjSpec, names: Sequence[tuple[str, str]]) -> Iterator[str]:
-    """Yield the roots of links that are in the world, or in bodies welded to it."""
-    bodies = {body.name: body for body in spec.bodies if body != spec.worldbody}
-    for link in (bodies[name] for pair in names for name in pair if name in bodies):
-        root = link
-        while root.parent != spec.worldbody:
-            root = root.parent
-        if not root.joints:
-            yield root.name
-
-
 def overlapping(motion: Motion) -> Iterator[tuple[int, int]]:
     """Yield pairs of near links that are in each other where a motion starts."""
     model = motion.model
     overlaps = find_overlaps(model, begin_motion(motion))
     yield from ((one, two) for one, two, _ in overlaps if _are_near(model, one, two))
-
-
-def _find_stuck(motion: Motion) -> Iterator[tuple[int, int]]:
-    """Yield pairs deep in each other of which neither is the world's, and neither floats."""
-    model, data = motion.model, begin_motion(motion)
-    least = OPEN_TOLERANCE * moving_extent(model, data)
-    for one, two, depth in find_overlaps(model, data):
-        links_of_bodies = [_list_links(model, body) for body in (one, two)]
-        if depth > least and all(way[0] and way[-1] == 0 for way in links_of_bodies):
-            yield one, two
 
 
 def find_overlaps(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[tuple[int, int, float]]:

@@ -17,7 +17,6 @@ from contactlab.engines.rollout_trace import make_trace
 from contactlab.errors import SweepFileError, did_you_mean
 from contactlab.measure.net_contact import net_contact
 from contactlab.mjcf import MODEL_ENGINE
-from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.model_edits import find_field
 from contactlab.scene.model_names import STATE_PARTS, coordinate_indices, part_starts
 from contactlab.scene.run_spec import RunSpec
@@ -83,7 +82,16 @@ class DifferentiatedScene:
     def prepare(self, points: Sequence[Point]) -> PreparedRuns:
         """Prepare runs of one structure and step count."""
         runs = PreparedRuns.of(self.scene, *map(self.resolve, points))
-        return replace(runs, starts=_moved_starts(runs.starts, points))
+        if not any(point.changed_values for point in points):
+            return runs
+        # Write the changed coordinates into the starts.
+        starts = runs.starts
+        sizes = np.cumsum([getattr(starts, part).shape[1] for part in STATE_PARTS])[:-1]
+        rows = np.concatenate([getattr(starts, part) for part in STATE_PARTS], axis=1)
+        for row, point in zip(rows, points, strict=True):
+            row[list(point.changed_values)] = list(point.changed_values.values())
+        parts = np.split(rows, sizes, axis=1)
+        return replace(runs, starts=starts._replace(**dict(zip(STATE_PARTS, parts, strict=True))))
 
     def find_parameter(self, name: str) -> "Parameter":
         """Return a parameter; a SweepFileError says that this name is unknown."""
@@ -197,18 +205,6 @@ class Parameter:
                 f"--input {self.name}: {error}; take a place farther from its end"
             ) from error
         return replace(point, values={**point.values, self.name: value_of_axis})
-
-
-def _moved_starts(starts: InitialStates, points: Sequence[Point]) -> InitialStates:
-    """Return starts with the changed coordinates of points."""
-    if not any(point.changed_values for point in points):
-        return starts
-    sizes = np.cumsum([getattr(starts, part).shape[1] for part in STATE_PARTS])[:-1]
-    rows = np.concatenate([getattr(starts, part) for part in STATE_PARTS], axis=1)
-    for row, point in zip(rows, points, strict=True):
-        row[list(point.changed_values)] = list(point.changed_values.values())
-    parts = np.split(rows, sizes, axis=1)
-    return starts._replace(**dict(zip(STATE_PARTS, parts, strict=True)))
 
 
 def _mode_sequence(mode: np.ndarray) -> str:

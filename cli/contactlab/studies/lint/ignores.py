@@ -4,8 +4,9 @@ A comment next to an element, or alone on the line above it, concerns that eleme
 to or above the first element of a file, or in the scene's manifest, concerns the whole model.
 """
 
+import itertools
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -52,20 +53,14 @@ def ignored(source: SceneSource) -> Ignored:
         data = file.read_bytes()
         elements = elements_of(data) if is_model else []
         first = line_of(data, elements[0].inner - 1) if elements else 0
-        for line, rule in _read_comments(data.decode(errors="replace")):
+        for line, text in enumerate(data.decode(errors="replace").splitlines(), 1):
+            lists = [re.split(r"\s*,\s*", comment[1]) for comment in _COMMENT.finditer(text)]
             at = f"ignored in {shown_path(file)}:{line}"
-            if line <= first or not is_model:
-                everywhere[rule] = at
-            else:
-                by_line[file, line, rule] = at
-                if _ALONE.fullmatch(data.decode(errors="replace").splitlines()[line - 1]):
-                    by_line[file, line + 1, rule] = at
+            for rule in itertools.chain(*lists):
+                if line <= first or not is_model:
+                    everywhere[rule] = at
+                else:
+                    by_line[file, line, rule] = at
+                    if _ALONE.fullmatch(text):
+                        by_line[file, line + 1, rule] = at
     return Ignored(everywhere, by_line)
-
-
-def _read_comments(text: str) -> Iterator[tuple[int, str]]:
-    """Yield line and rule of each comment."""
-    for number, line in enumerate(text.splitlines(), 1):
-        for comment in _COMMENT.finditer(line):
-            for rule in re.split(r"\s*,\s*", comment[1]):
-                yield number, rule

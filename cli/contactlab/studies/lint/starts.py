@@ -72,19 +72,6 @@ def largest_excess(model: mujoco.MjModel, data: mujoco.MjData) -> float:
     )
 
 
-def _controls_out_of_range(model: mujoco.MjModel, controls: Floats) -> Iterator[_Beyond]:
-    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL or model.nu != len(
-        model.actuator_ctrllimited
-    ):
-        return
-    for place in np.flatnonzero(model.actuator_ctrllimited).tolist():
-        low, high = model.actuator_ctrlrange[place].tolist()
-        value, slack = float(controls[place]), COARSE_ROUNDING * (high - low)
-        if not low - slack <= value <= high + slack:
-            name = f"actuator '{model.actuator(place).name}'"
-            yield _Beyond(name, value, low, high, place)
-
-
 def _list_text(excesses: list[_Beyond]) -> str:
     more = f"; and {len(excesses) - 1} more" if len(excesses) > 1 else ""
     return f"{excesses[0]}{more}"
@@ -152,11 +139,20 @@ def find_controls_out_of_range(linted: LintedModel) -> Iterator[Fault]:
     Fix: the control that acts.
     """
     model = linted.model
+    is_unclamped = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
+    if is_unclamped or model.nu != len(model.actuator_ctrllimited):
+        return
     for name in keyframe_names(model):
         if name in linted.short_keyframes or not len(linted.spec.key(name).ctrl):
             continue  # not written in the file
-        controls = start_data(model, name).ctrl
-        if excesses := list(_controls_out_of_range(model, controls)):
+        controls, excesses = start_data(model, name).ctrl, list[_Beyond]()
+        for place in np.flatnonzero(model.actuator_ctrllimited).tolist():
+            low, high = model.actuator_ctrlrange[place].tolist()
+            value, slack = float(controls[place]), COARSE_ROUNDING * (high - low)
+            if not low - slack <= value <= high + slack:
+                actuator = f"actuator '{model.actuator(place).name}'"
+                excesses.append(_Beyond(actuator, value, low, high, place))
+        if excesses:
             edits = linted.set("key", name, ctrl=_clip_text(controls, excesses))
             message = f"keyframe '{name}' has {_list_text(excesses)}; what acts is clamped"
             yield Fault(message, linted.place("key", name), edits)

@@ -1,7 +1,7 @@
 """A run's model as one file without assets, its start as a keyframe, and parts taken out of it."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -533,7 +533,12 @@ class FailingModel:
             if len(points := np.array(mesh.uservert).reshape(-1, 3)) > vertices
         ]
         for mesh, points in finer:
-            mesh.uservert = points[list(_farthest_places(points, vertices))].ravel()
+            kept = list[int]()
+            apart = np.linalg.norm(points - points.mean(axis=0), axis=1)
+            for _ in range(vertices):
+                kept.append(int(apart.argmax()))
+                apart = np.minimum(apart, np.linalg.norm(points - points[kept[-1]], axis=1))
+            mesh.uservert = points[kept].ravel()
         return self._with_spec(spec) if finer else None
 
     def fuse_bodies(self) -> "FailingModel | None":
@@ -559,15 +564,6 @@ class FailingModel:
 def _list_elements(spec: mujoco.MjSpec, kind: str) -> list[Any]:
     elements = list(getattr(spec, kind))
     return [each for each in elements if not (kind == "bodies" and each.name == "world")]
-
-
-def _farthest_places(points: Floats, count: int) -> Iterator[int]:
-    """Yield places of points, the next always the farthest from all before it."""
-    apart = np.linalg.norm(points - points.mean(axis=0), axis=1)
-    for _ in range(count):
-        place = int(apart.argmax())
-        yield place
-        apart = np.minimum(apart, np.linalg.norm(points - points[place], axis=1))
 
 
 def count_parts(model: mujoco.MjModel) -> dict[str, int]:

@@ -45,12 +45,21 @@ def describe_success(report: SuccessReport, *, headed: bool = True) -> Document:
         Column("p", "right"),
     )
     variants = tuple(map(_variant_row, report.variants))
+    parting_facts = list[tuple[str, str]]()
+    if parting := report.parting:
+        case = ", ".join(f"{name} {value}" for name, value in parting.case.items())
+        distance = format_amount(parting.distance, "mm")
+        when = f"{format_amount(parting.time, 's')} ({parting.variant}; {case})"
+        parting_facts.append(("parting", f"{parting.body} is {distance} apart at {when}"))
+        for each in parting.forces:
+            before, after = (format_amount(value, "N") for value in (each.written, each.variant))
+            parting_facts.append(("", f"{each.pair}: {before} as written, {after} in the variant"))
     return document_of(
         head,
         [Facts(tuple(_share_facts(report)))],
         Section((table_of(loss_heads, losses),) if losses else (), "losses"),
         Section((Table(variant_heads, variants),) if variants else (), "variants"),
-        [Facts(tuple(_parting_facts(report)))] if report.parting else [],
+        [Facts(tuple(parting_facts))] if parting_facts else [],
         [Items(report.not_checked, "not known from these episodes:")] if report.not_checked else [],
         [Sentence(note) for note in report.notes],
     )
@@ -116,15 +125,3 @@ def _variant_row(result: VariantResult) -> Row:
         )
     details = (result.problem,) if result.problem else ()
     return Row((result.name, *cells), _GROUPS[result.kind], details, result.summary)
-
-
-def _parting_facts(report: SuccessReport) -> Iterator[tuple[str, str]]:
-    parting = report.parting
-    assert parting is not None
-    case = ", ".join(f"{name} {value}" for name, value in parting.case.items())
-    distance = format_amount(parting.distance, "mm")
-    time = format_amount(parting.time, "s")
-    yield "parting", f"{parting.body} is {distance} apart at {time} ({parting.variant}; {case})"
-    for each in parting.forces:
-        before, after = (format_amount(value, "N") for value in (each.written, each.variant))
-        yield "", f"{each.pair}: {before} as written, {after} in the variant"

@@ -169,9 +169,26 @@ class StateTable:
             return extremes, resting
         _measure_joints(self._motion, self._demands, self._run.velocity_states, extremes)
         stride = max(1, -(-seeds * steps // self._contact_states))
+        shown, sampler = range(0, steps + 1, stride), self._sampler
+        rest = 0.8 * shown[-1]
         for seed in np.flatnonzero(~self.failures).tolist():
-            shown = range(0, steps + 1, stride)
-            _measure_extremes(self._sampler, seed, shown, extremes, resting)
+            depths = list[float]()
+            for step in shown:
+                data = sampler.enter_state(seed, step)
+                depth = 0.0
+                if data.ncon:
+                    distances = data.contact.dist
+                    worst = int(distances.argmin())
+                    depth = max(0.0, -float(distances[worst]))
+                    if depth > extremes["depth"].values[seed]:
+                        place = " - ".join(_geom_words(sampler.model, data.contact.geom[worst]))
+                        _enter_extreme(extremes, "depth", seed, depth, place)
+                if sampler.model.neq:
+                    for name, value, place in _equality_gaps(sampler.model, data):
+                        _enter_extreme(extremes, name, seed, value, place)
+                if step >= rest:
+                    depths.append(depth)
+            resting[seed] = float(np.mean(depths))
         return extremes, resting
 
 
@@ -255,33 +272,6 @@ def _interpolate_cubic(
         + (3 * square - 2 * cube) * high
         + (cube - square) * step * high_rate
     )
-
-
-def _measure_extremes(
-    sampler: _StateSampler,
-    seed: int,
-    steps: range,
-    extremes: dict[str, Extreme],
-    resting: Floats,
-) -> None:
-    rest = 0.8 * steps[-1]
-    depths = list[float]()
-    for step in steps:
-        data = sampler.enter_state(seed, step)
-        depth = 0.0
-        if data.ncon:
-            distances = data.contact.dist
-            worst = int(distances.argmin())
-            depth = max(0.0, -float(distances[worst]))
-            if depth > extremes["depth"].values[seed]:
-                place = " - ".join(_geom_words(sampler.model, data.contact.geom[worst]))
-                _enter_extreme(extremes, "depth", seed, depth, place)
-        if sampler.model.neq:
-            for name, value, place in _equality_gaps(sampler.model, data):
-                _enter_extreme(extremes, name, seed, value, place)
-        if step >= rest:
-            depths.append(depth)
-    resting[seed] = float(np.mean(depths))
 
 
 def _enter_extreme(
