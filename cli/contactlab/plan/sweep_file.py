@@ -108,11 +108,12 @@ def _check_draft(
 
     A SweepMistakesError says that an expression cannot be computed for some row.
     """
-    document, scene = draft.document, scene_reference(draft.document.value_at(("scene",)))
+    document, scene = draft.document, draft.scene
     if not isinstance(scene, str):
         return None
     try:
-        context = SweepContext(document, draft.sweep, draft.kept_positions, vocabulary(scene))
+        names = vocabulary(scene)
+        context = SweepContext(document, draft.sweep, scene, draft.kept_positions, names)
     except SceneError as error:
         first, _, rest = str(error).partition("\n")
         document.add_mistake("unknown-scene", ("scene",), first, rest.replace("\n", "; "))

@@ -18,7 +18,7 @@ from contactlab.plan.yaml_document import Document, KeyPath
 from contactlab.schema.drive import DRIVE_FORMS, DRIVE_WORDS
 from contactlab.schema.requirement import said_now
 from contactlab.schema.setting_values import split_unit, without_unit
-from contactlab.schema.sweep_schema import Sweep
+from contactlab.schema.sweep_schema import Sweep, scene_reference
 from contactlab.schema.vocabulary import FORMS
 
 _WANTED_KINDS = {
@@ -218,6 +218,7 @@ class Draft:
 
     document: Document
     sweep: Sweep  # the valid entries
+    scene: object  # as the file names it, whether or not that is valid
     kept_positions: Mapping[str, Sequence[int]]
     """For every list that lost entries, the positions of the others in the file."""
 
@@ -230,22 +231,23 @@ class Draft:
 def read_draft(document: Document) -> Draft:
     """Check a document against the model of a sweep. Add its mistakes."""
     try:
-        return Draft(document, Sweep.model_validate(document.data), {})
+        sweep = Sweep.model_validate(document.data)
+        return Draft(document, sweep, sweep.scene, {})
     except ValidationError as error:
         add_validation_errors(document, error)
         remaining = error
     # Leave out the wrong entries of keys and lists or, if others depend on these, the whole keys.
     data, positions = document.mapping_at(), dict[str, list[int]]()
+    scene = scene_reference(document.value_at(("scene",)))
     for depth in (2, 1):
         data, lists = _prune_errors(data, remaining, depth)
         positions |= lists
         try:
-            return Draft(
-                document, Sweep.model_validate({"version": 1, "scene": "?", **data}), positions
-            )
+            sweep = Sweep.model_validate({"version": 1, "scene": "?", **data})
+            return Draft(document, sweep, scene, positions)
         except ValidationError as error:
             remaining = error
-    return Draft(document, Sweep(version=1, scene="?"), {})
+    return Draft(document, Sweep(version=1, scene="?"), scene, {})
 
 
 def _prune_errors(
