@@ -23,7 +23,7 @@ from contactlab.scene.initial_states import apply_inputs
 from contactlab.schema.error_budget import BudgetRow
 from contactlab.schema.examination import Examination
 from contactlab.schema.json_schemas import json_schemas
-from contactlab.studies.examine.facts import facts, list_inertia_facts
+from contactlab.studies.examine.facts import list_facts, list_inertia_facts
 from contactlab.tasks.task_motions import task_motions
 
 Run = Callable[..., Any]
@@ -315,7 +315,7 @@ def test_a_joint_beyond_its_range_is_a_fact(tmp_path: Path) -> None:
     path.write_text(ARM.replace('<joint name="elbow" axis="0 1 0" damping=".1"/>', elbow))
     scene = SceneLoader(Path()).open(str(path)).with_effects("all")
     motions = task_motions(scene, {}, scene.task({}, 0.02))
-    (found,) = (fact for fact in facts(motions, [0.0] * len(motions)) if fact.kind == "limit")
+    (found,) = (fact for fact in list_facts(motions, [0.0] * len(motions)) if fact.kind == "limit")
     assert found.place == "joint elbow"
     # The start of a seed differs from the author's by less than a hundredth.
     assert found.value == pytest.approx(1.0, abs=1e-2)
@@ -337,7 +337,7 @@ def test_a_weld_that_begins_apart_is_a_fact(tmp_path: Path, pos: str, said: list
     motions = task_motions(scene, {}, task.model_copy(update={"seeds": task.seeds[:1]}))
     for start in motions[0].starts:
         start[1 : 1 + motions[0].model.nq] = 0  # as its author wrote it
-    found = [each for each in facts(motions, [0.0] * len(motions)) if each.kind == "equality"]
+    found = [each for each in list_facts(motions, [0.0] * len(motions)) if each.kind == "equality"]
     assert [text in each.sentence for each, text in zip(found, said, strict=True)] == [True] * len(
         said
     )
@@ -370,7 +370,7 @@ def test_facts_are_those_of_the_model(tmp_path: Path) -> None:
     )
     scene = SceneLoader(Path()).open(str(path)).with_effects("all")
     motions = task_motions(scene, {}, scene.task({}, 0.02))
-    found = {fact.kind: fact for fact in facts(motions, [0.0] * len(motions))}
+    found = {fact.kind: fact for fact in list_facts(motions, [0.0] * len(motions))}
     assert found["overlap"].place == "contact world - box"
     # The start of a seed differs from the author's by less than a millimetre.
     assert found["overlap"].value == pytest.approx(0.02, abs=1e-3)
@@ -392,7 +392,7 @@ def test_a_force_before_touch_is_told(tmp_path: Path) -> None:
     )
     scene = SceneLoader(Path()).open(str(path)).with_effects("all")
     motions = task_motions(scene, {}, scene.task({}, 0.3))
-    found = {fact.kind: fact for fact in facts(motions, [0.0] * len(motions))}
+    found = {fact.kind: fact for fact in list_facts(motions, [0.0] * len(motions))}
     assert 0.015 - 1e-3 < found["margin"].value <= 0.02
     assert "before the geoms touch (margin): contact world - box" in found["margin"].sentence
     assert "depth" not in found
@@ -407,7 +407,7 @@ def test_a_depth_of_rounding_is_a_touch() -> None:
     start = np.empty(mujoco.mj_stateSize(model, INTEGRATION))
     mujoco.mj_getState(model, mujoco.MjData(model), start, INTEGRATION)
     motion = Motion(model, start[None], np.zeros((1, 5, 0)))
-    assert "depth" not in {fact.kind for fact in facts([motion], [0.0])}
+    assert "depth" not in {fact.kind for fact in list_facts([motion], [0.0])}
 
 
 @pytest.mark.long

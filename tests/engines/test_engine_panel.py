@@ -8,7 +8,7 @@ import pytest
 
 from contactlab.errors import EngineError, OtherSweepError, SweepFileError
 from contactlab.schema.engine_panel import EnginePanel, PanelRun
-from contactlab.studies.engine_panel.closed_forms import period, rod
+from contactlab.studies.engine_panel.closed_forms import find_rod_inertia, measure_period_error
 from contactlab.studies.engine_panel.engine_panel import (
     REPORT,
     TASKS,
@@ -24,7 +24,7 @@ PENDULUM = TASKS["pendulum"].parent / "pendulum.xml"
 
 def test_the_rods_inertia_is_that_of_mujocos_capsule() -> None:
     model = mujoco.MjModel.from_xml_path(str(PENDULUM))
-    inertia, centre = rod(1.0, 0.02)
+    inertia, centre = find_rod_inertia(1.0, 0.02)
     assert centre == 0.5
     assert inertia == pytest.approx(model.body_inertia[1].max() + 0.25, rel=1e-9)
 
@@ -39,7 +39,7 @@ def test_the_rods_period_is_that_of_fine_steps_of_fourth_order() -> None:
         mujoco.mj_step(model, data)
         angles.append(float(data.qpos[0]))
     # The zero lies on a chord: of a step of w h = .038, (w h)^3 / 72 of an angle at most.
-    assert abs(period(np.array(angles), 0.01)) < 1e-6
+    assert abs(measure_period_error(np.array(angles), 0.01)) < 1e-6
 
 
 SHORT = """

@@ -12,7 +12,7 @@ from contactlab.pareto.tradeoff_chart import chart_data
 from contactlab.plan.overrides import Overrides
 from contactlab.run.sweep_request import read_request
 from contactlab.store.finished_store import Store
-from contactlab.studies.tradeoff_sweep import TradeoffRequest, run
+from contactlab.studies.tradeoff_sweep import TradeoffRequest, sweep_settings
 from contactlab.tasks.session import Session
 
 pytestmark = pytest.mark.long
@@ -86,7 +86,7 @@ def test_it_is_found_among_the_sweeps_own_runs(written: Callable[..., Store]) ->
 def test_only_what_differs_from_it_is_written(beside: Store) -> None:
     """Where nothing is faster, there is nothing to change in the model."""
     request = TradeoffRequest(str(beside.address), Criteria())
-    report = run(request, Session(Path(str(beside.address)).parent))
+    report = sweep_settings(request, Session(Path(str(beside.address)).parent))
     now = report.baseline and report.baseline.configuration
     assert now is not None
     for pick in (report.recommendation, report.robust):

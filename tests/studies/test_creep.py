@@ -7,7 +7,7 @@ import pytest
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
 from contactlab.schema.examination import Fact
-from contactlab.studies.examine.facts import facts
+from contactlab.studies.examine.facts import list_facts
 
 _STEPS = 500
 # Gravity pulls by 30 % of what it presses with, well within a friction of 0.8.
@@ -34,7 +34,7 @@ def creeping(
         places.append(float(data.qpos[0]))
     late = places[-_STEPS // 5 :]
     speed = (late[-1] - late[0]) / ((len(late) - 1) * model.opt.timestep)
-    return [fact for fact in facts([motion], [0.0]) if fact.kind == "creep"], speed
+    return [fact for fact in list_facts([motion], [0.0]) if fact.kind == "creep"], speed
 
 
 @pytest.mark.parametrize("option", ["", ' cone="elliptic"'])

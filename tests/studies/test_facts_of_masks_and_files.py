@@ -12,7 +12,7 @@ from contactlab.budget.windows import replay
 from contactlab.scene.scene_source import find_scene
 from contactlab.schema.examination import Fact
 from contactlab.schema.task import QPOS0
-from contactlab.studies.examine.facts import facts
+from contactlab.studies.examine.facts import list_facts
 from contactlab.studies.examine.linted_file import lint_file
 from contactlab.studies.examine.masked_passages import MaskedPassages
 
@@ -139,7 +139,7 @@ def test_bodies_that_joints_press_on_each_other_at_rest_are_a_fact(
     data = mujoco.MjData(model)
     start = np.empty((1, mujoco.mj_stateSize(model, INTEGRATION)))
     mujoco.mj_getState(model, data, start[0], INTEGRATION)
-    found = facts([Motion(model, start, np.empty((1, 500, 0)), name="rest")], [0.0])
+    found = list_facts([Motion(model, start, np.empty((1, 500, 0)), name="rest")], [0.0])
     pressing = [fact for fact in found if fact.kind == "force"]
     assert bool(pressing) == is_jammed
     if is_jammed:
@@ -155,7 +155,7 @@ def test_the_gap_of_a_soft_connect_is_the_distance_that_its_body_sinks() -> None
     mujoco.mj_getState(model, data, start[0], INTEGRATION)
     (fact,) = (
         one
-        for one in facts([Motion(model, start, np.empty((1, 250, 0)))], [0.0])
+        for one in list_facts([Motion(model, start, np.empty((1, 250, 0)))], [0.0])
         if one.kind == "equality"
     )
     mujoco.mj_step(model, data, 250)

@@ -8,7 +8,7 @@ import pytest
 from contactlab.advisories.advisory_files import list_advisories
 from contactlab.plan.task_options import read_task_options
 from contactlab.schema.examination import Examination
-from contactlab.studies.examine.examination import ExamineRequest, run
+from contactlab.studies.examine.examination import ExamineRequest, examine_model
 from contactlab.tasks.session import Session
 
 CHUTE = """<mujoco><worldbody>
@@ -22,7 +22,7 @@ def examine(text: str, folder: Path, seconds: float = 1.0) -> Examination:
     file = folder / "model.xml"
     file.write_text(text, encoding="utf-8")
     options = read_task_options(drive="none", duration=f"{seconds}s")
-    return run(ExamineRequest(str(file), task=options), Session(folder / "out", 0))
+    return examine_model(ExamineRequest(str(file), task=options), Session(folder / "out", 0))
 
 
 @pytest.mark.long

@@ -12,7 +12,7 @@ from contactlab.budget.measuring import evaluations, steps_of
 from contactlab.modifications.catalogue import list_rows
 from contactlab.plan.task_options import TaskOptions
 from contactlab.schema.examination import Examination
-from contactlab.studies.examine.examination import ExamineRequest, run
+from contactlab.studies.examine.examination import ExamineRequest, examine_model
 from contactlab.tasks.session import Session
 
 BALL = """<mujoco><worldbody><geom type="plane" size="1 1 .1"/>
@@ -49,7 +49,7 @@ def examine(folder: Path, options: TaskOptions, max_cpu: float) -> Examination:
     request = ExamineRequest(
         str(folder / "ball.xml"), task=options, sections=("labels",), max_cpu=max_cpu
     )
-    return run(request, Session(folder / "out", 0))
+    return examine_model(request, Session(folder / "out", 0))
 
 
 @pytest.mark.long

@@ -12,7 +12,7 @@ from contactlab.plan.task_options import TaskOptions
 from contactlab.schema.drive import read_drive
 from contactlab.schema.examination import Examination, SectionName
 from contactlab.studies.examine import repaired_causes
-from contactlab.studies.examine.examination import ExamineRequest, run
+from contactlab.studies.examine.examination import ExamineRequest, examine_model
 from contactlab.studies.examine.policy_loop import LoopRepair, list_loop_repairs
 from contactlab.tasks.session import Session
 
@@ -33,7 +33,7 @@ def examined(
     request = ExamineRequest(str(folder / "wheel.xml"), task=task)
     if sections:
         request = ExamineRequest(str(folder / "wheel.xml"), task=task, sections=sections)
-    return run(request, Session(folder / "results"))
+    return examine_model(request, Session(folder / "results"))
 
 
 @pytest.mark.long
@@ -102,7 +102,7 @@ def test_a_pd_moves_into_the_model(tmp_path: Path) -> None:
     task = TaskOptions(drive=read_drive(f"kp=1e-3,kd={KD}"), duration=1.0)
     request = ExamineRequest(str(tmp_path / "wheel.xml"), task=task, apply=("loop-servos",))
     request = replace(request, write=tmp_path / "out" / "servos.xml")
-    report = run(request, Session(tmp_path / "results"))
+    report = examine_model(request, Session(tmp_path / "results"))
     first = report.fixes[0]
     assert first.apply == "loop-servos"
     assert first.verification is not None
@@ -115,7 +115,7 @@ def test_a_pd_moves_into_the_model(tmp_path: Path) -> None:
     drive = read_drive(f"kp=1e-3,kd={KD},send=targets")
     task = TaskOptions(drive=drive, duration=1.0)
     again = ExamineRequest(str(report.written), task=task, sections=("loop",))
-    held = run(again, Session(tmp_path / "again")).loop
+    held = examine_model(again, Session(tmp_path / "again")).loop
     assert held is not None
     assert held.holds
     assert held.inside is None

@@ -12,7 +12,7 @@ from contactlab.budget import Verdict
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.model_draft import PRIMITIVES
 from contactlab.scene.model_writer import write_model
-from contactlab.studies.examine.primitive_fixes import distances, primitives
+from contactlab.studies.examine.primitive_fixes import list_primitives, measure_distances
 from contactlab.tasks.task_motions import task_motions
 
 HALF = (0.05, 0.04, 0.03)
@@ -33,7 +33,7 @@ def proposed(text: str, folder: Path, body: str = "brick"):  # noqa: ANN201 - sc
     scene = SceneLoader(Path()).open(str(path)).with_effects("all")
     motions = task_motions(scene, {}, scene.task({}, 0.02))
     verdict = Verdict("inaccurate", 0.1, (budget_reason("inaccurate", "", "run", 1, body, ""),))
-    return scene, [*primitives(scene, {}, motions, verdict)]
+    return scene, [*list_primitives(scene, {}, motions, verdict)]
 
 
 def test_the_hull_of_a_box_may_be_a_box(tmp_path: Path) -> None:
@@ -76,7 +76,7 @@ def test_distances_are_those_that_mujoco_finds_of_a_small_ball(shape: str) -> No
         data.qpos[:3] = point
         mujoco.mj_kinematics(made, data)
         found = mujoco.mj_geomDistance(made, data, 0, 1, 10, None) + radius
-        said = distances(shape, size, point[None])[0]
+        said = measure_distances(shape, size, point[None])[0]
         if shape == "ellipsoid":
             assert 0 < said < 2 * found
         else:

@@ -11,7 +11,7 @@ from contactlab.budget import Verdict
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import write_model
-from contactlab.studies.examine.start_fixes import moved_starts, separated
+from contactlab.studies.examine.start_fixes import moved_starts, separate_links
 from contactlab.tasks.task_motions import task_motions
 
 # The base's ball of 60 mm is in the upper arm, which a joint holds there, and 50 mm in the floor,
@@ -45,7 +45,7 @@ def excluded(text: str, folder: Path, place: str) -> list[tuple[str, str]]:
     motions = task_motions(scene, {}, scene.task({}, 0.01))
     return [
         pair
-        for candidate in separated(scene, {}, motions, verdict_of(place))
+        for candidate in separate_links(scene, {}, motions, verdict_of(place))
         for pair in candidate.edits.excluded
     ]
 
@@ -114,7 +114,7 @@ def test_the_root_of_a_urdf_gets_a_free_joint(tmp_path: Path) -> None:
     path.write_text(LEGGED)
     scene = SceneLoader(Path()).open(str(path)).with_effects("all")
     motions = task_motions(scene, {}, scene.task({}, 0.01))
-    exclude, free = separated(scene, {}, motions, verdict_of("joint hip"))
+    exclude, free = separate_links(scene, {}, motions, verdict_of("joint hip"))
     assert (exclude.apply, free.apply) == ("exclude", "freejoint")
     assert (exclude.same_states, free.same_states) == (True, False)
     assert free.edits.freed == ("base",)
@@ -136,14 +136,14 @@ def test_the_root_of_a_urdf_gets_a_free_joint(tmp_path: Path) -> None:
 def test_a_base_that_mjcf_welds_is_meant(tmp_path: Path) -> None:
     scene = scene_of(ARM, tmp_path)
     motions = task_motions(scene, {}, scene.task({}, 0.01))
-    words = [each.apply for each in separated(scene, {}, motions, verdict_of("joint elbow"))]
+    words = [each.apply for each in separate_links(scene, {}, motions, verdict_of("joint elbow"))]
     assert words == ["exclude"]
 
 
 def test_the_changed_model_is_the_one_that_is_written(tmp_path: Path) -> None:
     scene = scene_of(ARM, tmp_path)
     motions = task_motions(scene, {}, scene.task({}, 0.01))
-    (candidate,) = separated(scene, {}, motions, verdict_of("joint elbow"))
+    (candidate,) = separate_links(scene, {}, motions, verdict_of("joint elbow"))
     made = write_model(scene, candidate.edits, tmp_path / "new")
     assert made.lines == ('arm.xml:11: <contact><exclude body1="world" body2="upper"/></contact>',)
     assert candidate.compiled is not None

@@ -9,7 +9,7 @@ import pytest
 from contactlab.plan.task_options import read_task_options
 from contactlab.schema.examination import Examination
 from contactlab.schema.verdict import PASSING_VERDICTS
-from contactlab.studies.examine.examination import ExamineRequest, run
+from contactlab.studies.examine.examination import ExamineRequest, examine_model
 from contactlab.tasks.session import Session
 
 pytestmark = pytest.mark.night
@@ -203,7 +203,7 @@ def examine(parts: Parts, spelling: Spelling, folder: Path) -> Examination:
     file.write_text(write_model(parts, spelling), encoding="utf-8")
     options = read_task_options(duration=f"{spelling.seconds}s", drive="none", seeds=1)
     sections = ("labels", "budget")
-    return run(
+    return examine_model(
         ExamineRequest(str(file), task=options, sections=sections), Session(folder / "out", 0)
     )
 

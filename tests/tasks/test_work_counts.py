@@ -14,7 +14,7 @@ from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import write_model
 from contactlab.scene.scene import Scene
 from contactlab.schema.examination import SectionName
-from contactlab.studies.examine.examination import ExamineRequest, run
+from contactlab.studies.examine.examination import ExamineRequest, examine_model
 from contactlab.tasks.session import Session
 
 MODEL = """
@@ -51,7 +51,7 @@ def test_a_model_is_compiled_and_its_runs_are_resolved_once(
     request = ExamineRequest(
         str(path), task=read_task_options(drive="none", duration="0.1s"), sections=sections
     )
-    report = run(request, Session(tmp_path / "results"))
+    report = examine_model(request, Session(tmp_path / "results"))
     assert report.budget is not None
     assert report.task_verdict is not None
     assert 0 < counts["compile"] <= MOST_COMPILED

@@ -68,7 +68,7 @@ def _examine_model(
     from contactlab.run.worker_pool import worker_count
     from contactlab.step_progress import step_names
     from contactlab.store.atomic_files import atomic_write, write_errors
-    from contactlab.studies.examine.examination import run
+    from contactlab.studies.examine.examination import examine_model
     from contactlab.tasks.session import Session
 
     file = target if target is not None and target.suffix in _FILES else None
@@ -92,7 +92,7 @@ def _examine_model(
                     raise OutputError(f"{file} is a folder; write the name of a file, as in a.json")
         session = Session(folder, worker_count(workers), notify=say, allow_code=allow_code)
         grips = list["Grip"]()
-        report = run(replace(request, begins=begin, film=grips.append), session)
+        report = examine_model(replace(request, begins=begin, film=grips.append), session)
         if file is None:
             report = report.model_copy(update={"evidence": str(folder)})
         if page:

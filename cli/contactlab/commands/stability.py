@@ -35,11 +35,11 @@ def stability(
         SweepFileError: there is no such case.
     """
     from contactlab.resources import RESULTS
-    from contactlab.studies.stability_cases import find_cases, run
+    from contactlab.studies.stability_cases import find_cases, run_cases
 
     folder = RESULTS / "stability" if output is None else opt.folder_of(output)
     rerun_with_mujoco(mujoco, None if output else folder)
     opt.load_plugins(())
     cases = find_cases([names] if isinstance(names, str) else names)
     with study_session(folder, workers) as session:
-        return run(cases, session)
+        return run_cases(cases, session)

@@ -89,7 +89,7 @@ def tradeoff(
         # An engine is needed to run a sweep, and to write a model.
         from contactlab.measure import METRICS
         from contactlab.schema.evidence import ERRORS
-        from contactlab.studies.tradeoff_sweep import TradeoffRequest, run
+        from contactlab.studies.tradeoff_sweep import TradeoffRequest, sweep_settings
 
         rest = "; `contactlab list metrics` lists all"
         if metric is not None:
@@ -99,7 +99,7 @@ def tradeoff(
             )
         request = TradeoffRequest(name, criteria, target, task_options, folder)
         with study_session(RESULTS / "tradeoff", workers, allow_code=allow_code) as session:
-            report = run(request, session)
+            report = sweep_settings(request, session)
     if figure is not None:
         from contactlab.charts import save_figure
         from contactlab.pareto.tradeoff_chart import chart_specification

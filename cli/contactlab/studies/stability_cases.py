@@ -24,7 +24,7 @@ class StabilityCase(NamedTuple):
     source: Path
 
 
-def run(cases: Sequence[StabilityCase], session: Session) -> StabilityReport:
+def run_cases(cases: Sequence[StabilityCase], session: Session) -> StabilityReport:
     """Run hard cases, each into a store of its own; one that was interrupted is resumed.
 
     The session is notified of each finished case. Cases that this engine cannot run are left out of

@@ -43,7 +43,7 @@ class TradeoffRequest:
     model: Path | None = None  # folder to write the model with the recommendation into
 
 
-def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
+def sweep_settings(request: TradeoffRequest, session: Session) -> TradeoffReport:
     """Evaluate the configurations of a store, after running the sweep if it is one.
 
     A sweep is run with errors, times and a baseline of the scene as written, even if its file does

@@ -9,7 +9,7 @@ import pytest
 from contactlab.plan.task_options import TaskOptions
 from contactlab.schema.check_report import CheckResult, Measure
 from contactlab.schema.examination import Examination
-from contactlab.studies.examine.examination import ExamineRequest, run
+from contactlab.studies.examine.examination import ExamineRequest, examine_model
 from contactlab.tasks.session import Session
 
 Checked = Callable[..., Examination]
@@ -32,7 +32,7 @@ def checked(tmp_path: Path) -> Checked:
         request = ExamineRequest(
             model, assign, TaskOptions(**task), sections=("checks",), checks=only
         )
-        return run(request, Session(tmp_path / "check"))
+        return examine_model(request, Session(tmp_path / "check"))
 
     return check
 

@@ -13,7 +13,7 @@ from tests.studies.lint.conftest import Linted, only, rules_of
 
 from contactlab.scene.scene_source import find_scene
 from contactlab.schema.advisory import Advisory, AffectedReleases, Witness, Workaround
-from contactlab.studies.lint.linted_model import edited, linted_model
+from contactlab.studies.lint.linted_model import apply_edits, linted_model
 from contactlab.studies.lint.linting import lint
 from contactlab.studies.lint.rules import RULES
 
@@ -425,7 +425,7 @@ def test_a_rule_finds_its_defect_at_its_line(linted: Linted, rule: str, tmp_path
 def test_the_lines_of_a_remedy_end_the_finding(linted: Linted, rule: str, tmp_path: Path) -> None:
     before = linted(planted(CASES[rule], tmp_path))
     with linted_model(find_scene("robot.xml")) as model:
-        files = edited(RULES[rule].function(model))
+        files = apply_edits(RULES[rule].function(model))
     assert files
     for file, data in files.items():
         file.write_bytes(data)

@@ -9,7 +9,7 @@ import pytest
 from contactlab.plan.task_options import TaskOptions, read_task_options
 from contactlab.schema.error_budget import BudgetReport
 from contactlab.studies.examine.examination import ExamineRequest
-from contactlab.studies.examine.examination import run as examine
+from contactlab.studies.examine.examination import examine_model as examine
 from contactlab.studies.search.tune_request import TuneRequest
 from contactlab.studies.search.tuning import tune_model
 from contactlab.studies.search.tuning_problem import TuningProblem

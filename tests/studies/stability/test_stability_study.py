@@ -9,14 +9,14 @@ from contactlab.commands.stability import stability
 from contactlab.errors import SweepFileError
 from contactlab.schema.check_report import StabilityReport
 from contactlab.store.finished_store import Store
-from contactlab.studies.stability_cases import find_cases, run
+from contactlab.studies.stability_cases import find_cases, run_cases
 from contactlab.tasks.session import Session
 
 
 @pytest.mark.long
 def test_every_case_is_reported_as_data(tmp_path: Path) -> None:
     lines: list[str] = []
-    report = run(find_cases(["free_fall"]), Session(tmp_path, notify=lines.append))
+    report = run_cases(find_cases(["free_fall"]), Session(tmp_path, notify=lines.append))
     assert lines == ["1/1 free_fall: ok"]
     assert report.passed
     (case,) = report.cases

@@ -6,7 +6,7 @@ import pytest
 from tests.studies.verification.planted import ARM, PINCH
 
 from contactlab.schema.examination import Examination
-from contactlab.studies.examine.examination import ExamineRequest, run
+from contactlab.studies.examine.examination import ExamineRequest, examine_model
 from contactlab.studies.grip.gripping import GripRequest
 from contactlab.studies.verification.verified_grip import judge_verified_grip
 from contactlab.tasks.session import Session
@@ -32,7 +32,9 @@ JAWS = PINCH.replace(' impratio="10" cone="elliptic" noslip_iterations="3"', "")
 def _examine(folder: Path, text: str) -> Examination:
     file = folder / "model.xml"
     file.write_text(text)
-    return run(ExamineRequest(str(file), sections=("labels", "fixes")), Session(folder / "results"))
+    return examine_model(
+        ExamineRequest(str(file), sections=("labels", "fixes")), Session(folder / "results")
+    )
 
 
 def _write_jaws(folder: Path, text: str) -> GripRequest:

@@ -11,14 +11,14 @@ from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.mcap.trace_reader import StoredTrace
 
 
-def period(angles: Floats, step: float) -> float:
+def measure_period_error(angles: Floats, step: float) -> float:
     """Return the error of the period of a rod that swings by .2 at first, of (N + 1,) angles.
 
     Expected is that of a physical pendulum over Gauss' mean of 1 and the cosine of half of .2.
     """
     crossings = np.flatnonzero((angles[:-1] > 0) & (angles[1:] <= 0))
     exact = crossings + angles[crossings] / (angles[crossings] - angles[crossings + 1])
-    inertia, centre = rod(1.0, 0.02)
+    inertia, centre = find_rod_inertia(1.0, 0.02)
     small = 2 * math.pi * math.sqrt(inertia / (9.81 * centre))
     one, other = 1.0, math.cos(0.1)
     for _ in range(8):
@@ -26,7 +26,7 @@ def period(angles: Floats, step: float) -> float:
     return float(np.diff(exact).mean()) * step * one / small - 1
 
 
-def rod(length: float, radius: float) -> tuple[float, float]:
+def find_rod_inertia(length: float, radius: float) -> tuple[float, float]:
     """Return inertia about its end and center of a capsule of 1 kg, of a length between centers."""
     tube, ends = math.pi * radius**2 * length, 4 / 3 * math.pi * radius**3
     tube, ends = tube / (tube + ends), ends / (tube + ends)
@@ -37,7 +37,7 @@ def rod(length: float, radius: float) -> tuple[float, float]:
 
 def _pendulum_error(trace: StoredTrace, record: EvidenceRecord) -> float:
     del record
-    return period(trace.qpos[:, 0], float(trace.time[1] - trace.time[0]))
+    return measure_period_error(trace.qpos[:, 0], float(trace.time[1] - trace.time[0]))
 
 
 def _gyroscope_error(trace: StoredTrace, record: EvidenceRecord) -> float:

@@ -47,7 +47,7 @@ from contactlab.studies.examine.conclusion import conclude, find_failed_checks
 from contactlab.studies.examine.contact_values import measure_contacts, split_values
 from contactlab.studies.examine.design_causes import find_lost_grip, find_sagging_servo
 from contactlab.studies.examine.engine_faults import MetFaults
-from contactlab.studies.examine.facts import explain_depth, facts, list_inertia_facts
+from contactlab.studies.examine.facts import explain_depth, list_facts, list_inertia_facts
 from contactlab.studies.examine.field_passages import judge_fields
 from contactlab.studies.examine.fixes import FixSearch, RepairedFiles, TaskRepeats
 from contactlab.studies.examine.judged_model import (
@@ -156,7 +156,7 @@ class ExamineRequest:
         return parts + 2 * ("fixes" in wanted)
 
 
-def run(request: ExamineRequest, session: Session) -> Examination:
+def examine_model(request: ExamineRequest, session: Session) -> Examination:
     """Examine a model; its runs are stored in the session's folder.
 
     Raises:
@@ -346,7 +346,7 @@ def _measure_budget(
             *met.facts,
             *list_falls(examined.motions[0], repaired.causes),
             *list_free_falls(model),
-            *explain_depth(facts(examined.motions, times), examined),
+            *explain_depth(list_facts(examined.motions, times), examined),
             *list_inertia_facts(examined.prepared.model),
             *(() if designs else list_sagging_servos(report.servos)),
             *list_idle_facts(TaskEnds(examined.motions[0])),

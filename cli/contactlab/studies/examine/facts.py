@@ -48,7 +48,7 @@ class _Gap(NamedTuple):
     is_start: bool
 
 
-def facts(motions: Sequence[Motion], begins: Sequence[float]) -> tuple[Fact, ...]:
+def list_facts(motions: Sequence[Motion], begins: Sequence[float]) -> tuple[Fact, ...]:
     """Return the facts of a model's motions, whose phases begin at these times [s] of the run."""
     model = motions[0].model
     data = mujoco.MjData(model)

@@ -49,9 +49,9 @@ from contactlab.scene.scene import Scene
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.error_budget import BudgetReason
 from contactlab.schema.examination import MOST_FIXES, Fix, RunLabel
-from contactlab.studies.examine.facts import facts
-from contactlab.studies.examine.primitive_fixes import primitives
-from contactlab.studies.examine.start_fixes import separated
+from contactlab.studies.examine.facts import list_facts
+from contactlab.studies.examine.primitive_fixes import list_primitives
+from contactlab.studies.examine.start_fixes import separate_links
 from contactlab.tasks.session import Values
 from contactlab.tasks.task_motions import Change, as_it_is
 from contactlab.temporary_folders import temporary_root
@@ -149,8 +149,8 @@ class FixSearch:
         self._repeats, self._limits = repeats, trial
         # Among fixes that change the model, those of the start are tried first: other faults may
         # follow from it.
-        starts = [*filter(self._can_begin, separated(scene, values, motions, verdict))]
-        shapes = [*filter(self._can_begin, primitives(scene, values, motions, verdict))]
+        starts = [*filter(self._can_begin, separate_links(scene, values, motions, verdict))]
+        shapes = [*filter(self._can_begin, list_primitives(scene, values, motions, verdict))]
         physical = [*starts, *shapes]
         against = candidates_against(motions, verdict)
         if isinstance(scene.drive.drive, PolicyDrive):
@@ -634,5 +634,5 @@ def _make_untimed(
 
 def _start_faults(motions: Sequence[Motion]) -> set[str]:
     """Return the kinds of facts about overlaps at the start and extreme forces."""
-    fact_kinds = {fact.kind for fact in facts(motions, [0.0] * len(motions))}
+    fact_kinds = {fact.kind for fact in list_facts(motions, [0.0] * len(motions))}
     return {kind for kind in fact_kinds if kind in ("overlap", "force")}

@@ -9,7 +9,7 @@ from contactlab.scene.scene_source import SceneSource
 from contactlab.schema.examination import Fact, Stage
 from contactlab.schema.finding import PlacedFinding
 from contactlab.schema.task import QPOS0
-from contactlab.studies.lint.linted_model import edited, linted_model
+from contactlab.studies.lint.linted_model import apply_edits, linted_model
 from contactlab.studies.lint.linting import lint_scene
 from contactlab.studies.lint.rules import RULES
 from contactlab.studies.lint.starts import KEYFRAME_RANGE, largest_excess
@@ -97,7 +97,7 @@ def write_rule_edits(
     content = source.content
     with linted_model(source) as linted:
         faults = [*RULES[rule].function(linted)]
-        changed = edited(iter(faults))
+        changed = apply_edits(iter(faults))
     if not changed or content.resources:
         return None
     for file in content.files:

@@ -14,7 +14,7 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.closed_start import OPEN_TOLERANCE, moving_extent
 from contactlab.scene.model_names import name_of
 from contactlab.studies.examine.standing_starts import begin_motion
-from contactlab.studies.examine.start_fixes import find_overlaps, overlapping
+from contactlab.studies.examine.start_fixes import find_overlapping_links, find_overlaps
 
 _FREE, _BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 _HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
@@ -34,7 +34,7 @@ def find_permanent_overlaps(motion: Motion, poses: int = 64) -> list[PermanentOv
     """
     model, data = motion.model, begin_motion(motion)
     least = OPEN_TOLERANCE * moving_extent(model, data)
-    near = {*overlapping(motion)}
+    near = {*find_overlapping_links(motion)}
     depths = {
         (one, two): depth
         for one, two, depth in find_overlaps(model, data)

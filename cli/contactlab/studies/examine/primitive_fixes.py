@@ -16,13 +16,13 @@ from contactlab.modifications.modification import Candidate
 from contactlab.scene.mesh_hulls import hull_vertices, rotation_matrix
 from contactlab.scene.model_draft import PRIMITIVES, ModelEdits, edit_spec
 from contactlab.scene.scene import Scene
-from contactlab.studies.examine.start_fixes import compiled
+from contactlab.studies.examine.start_fixes import compile_edited
 from contactlab.tasks.session import Values
 
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 
 
-def primitives(
+def list_primitives(
     scene: Scene, values: Values, motions: Sequence[Motion], verdict: Verdict
 ) -> Iterator[Candidate]:
     """Yield the change by which the meshes that a verdict's bodies touch by are primitives.
@@ -36,7 +36,7 @@ def primitives(
     nearest = _find_nearest(scene, values, motions[0].model, touching)
     edits = ModelEdits(fitted=tuple(nearest.items()))
     compiled_model = (
-        compiled(scene, values, lambda spec: edit_spec(spec, edits)) if nearest else None
+        compile_edited(scene, values, lambda spec: edit_spec(spec, edits)) if nearest else None
     )
     if compiled_model is None:
         return
@@ -81,7 +81,7 @@ def _find_nearest(
     apart = {name: dict[str, float]() for name in geoms}
     for shape in PRIMITIVES:
         edits = ModelEdits(fitted=tuple((name, shape) for name in geoms))
-        model = compiled(scene, values, lambda spec, edits=edits: edit_spec(spec, edits))
+        model = compile_edited(scene, values, lambda spec, edits=edits: edit_spec(spec, edits))
         if model is None:
             continue
         for name in geoms:
@@ -90,7 +90,7 @@ def _find_nearest(
             hull = hull_vertices(own, int(geom.dataid[0]))
             corners = hull @ rotation_matrix(geom.quat).T + geom.pos
             corners = (corners - fitted.pos) @ rotation_matrix(fitted.quat)
-            off = np.abs(distances(shape, fitted.size, corners)).mean()
+            off = np.abs(measure_distances(shape, fitted.size, corners)).mean()
             apart[name][shape] = float(off / corners.std(axis=0).max())
     nearest = {name: min(of, key=lambda shape: of[shape]) for name, of in apart.items() if of}
     # Mean distance of the corners of a hull from a primitive, over their widest spread.
@@ -98,7 +98,7 @@ def _find_nearest(
     return {name: shape for name, shape in nearest.items() if apart[name][shape] <= alike}
 
 
-def distances(shape: str, size: Floats, points: Floats) -> Floats:
+def measure_distances(shape: str, size: Floats, points: Floats) -> Floats:
     """Return how far (N, 3) points are from a primitive's surface (N,), those within below 0 [m].
 
     That of an ellipsoid is of first order, |x/a| (|x/a| - 1) / |x/a^2|, which is exact on it.

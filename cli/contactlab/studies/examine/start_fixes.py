@@ -39,7 +39,7 @@ _ENDLESS = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
 _HELD = "allowed"  # keyframe of a model that has none
 
 
-def separated(
+def separate_links(
     scene: Scene, values: Values, motions: Sequence[Motion], verdict: Verdict
 ) -> tuple[Candidate, ...]:
     """Return candidates that separate overlapping links.
@@ -60,7 +60,7 @@ def separated(
             links_of_bodies = [_list_links(model, body) for body in (one, two)]
             if depth > least and all(way[0] and way[-1] == 0 for way in links_of_bodies):
                 stuck.append((one, two))
-    pairs = dict.fromkeys((*overlapping(motions[0]), *stuck))
+    pairs = dict.fromkeys((*find_overlapping_links(motions[0]), *stuck))
     if not pairs:
         return ()
     names = tuple((name_of(model, "body", one), name_of(model, "body", two)) for one, two in pairs)
@@ -173,7 +173,7 @@ def _start_edits(
         if not np.array_equal(place, model.body(name).pos)
     }
     edits = ModelEdits(placed=tuple(placed.items()))
-    compiled_model = compiled(scene, values, lambda spec: edit_spec(spec, edits))
+    compiled_model = compile_edited(scene, values, lambda spec: edit_spec(spec, edits))
     if compiled_model is not None and _begins_alike(model, compiled_model, positions):
         return edits
     return ModelEdits(posed=((_HELD, own),))
@@ -214,7 +214,7 @@ def _without_contacts(
     must_come_nearer: bool,
 ) -> Iterator[Candidate]:
     edits = ModelEdits(excluded=tuple(names))
-    compiled_model = compiled(scene, values, lambda spec: edit_spec(spec, edits))
+    compiled_model = compile_edited(scene, values, lambda spec: edit_spec(spec, edits))
     size = mujoco.mj_stateSize(model, INTEGRATION)
     if compiled_model is None or mujoco.mj_stateSize(compiled_model, INTEGRATION) != size:
         return
@@ -251,7 +251,7 @@ def _free_roots(
                 roots[root.name] = None
         edit_spec(spec, ModelEdits(freed=tuple(roots)))
 
-    if compiled(scene, values, free) is None or not roots:
+    if compile_edited(scene, values, free) is None or not roots:
         return
     yield Candidate(
         f"a free joint for {', '.join(roots)}, which the import welds to the world",
@@ -262,7 +262,7 @@ def _free_roots(
     )
 
 
-def overlapping(motion: Motion) -> Iterator[tuple[int, int]]:
+def find_overlapping_links(motion: Motion) -> Iterator[tuple[int, int]]:
     """Yield pairs of near links that are in each other where a motion starts."""
     model = motion.model
     overlaps = find_overlaps(model, begin_motion(motion))
@@ -310,7 +310,7 @@ def _list_links(model: mujoco.MjModel, body: int) -> list[int]:
     return way
 
 
-def compiled(
+def compile_edited(
     scene: Scene, values: Values, edit: Callable[[mujoco.MjSpec], None]
 ) -> mujoco.MjModel | None:
     """Return the model of an edited specification; None if it does not compile."""

@@ -19,7 +19,9 @@ def engine() -> AdaptedEngine:
     return adapted_engine
 
 
-def automatic(runs: PreparedRuns, place: int, spread: float, accuracy: float = 0.0) -> float | None:
+def differentiate_end(
+    runs: PreparedRuns, place: int, spread: float, accuracy: float = 0.0
+) -> float | None:
     """Return the derivative of a coordinate's end value, or None if it is not finite.
 
     The runs are the run itself, and it with the parameter above and below, `spread` apart. With an

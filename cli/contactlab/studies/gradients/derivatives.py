@@ -9,11 +9,15 @@ import numpy as np
 from contactlab.contact.trace_arrays import Floats
 from contactlab.engines.engine import PreparedRuns
 from contactlab.schema.gradients import Difference, GradientInput, GradientVerdict, LadderRung
-from contactlab.studies.gradients.automatic_differentiation import ADAPTIVE, ENGINE, automatic
+from contactlab.studies.gradients.automatic_differentiation import (
+    ADAPTIVE,
+    ENGINE,
+    differentiate_end,
+)
 from contactlab.studies.gradients.differences import (
     PLAN,
     Estimate,
-    differences,
+    central_differences,
     estimate_noise,
     extrapolate,
     fit_slope,
@@ -43,8 +47,9 @@ def _chain_of(**epsilon: float) -> DerivativeMethod:
 METHODS: Mapping[str, Mapping[str, DerivativeMethod]] = {
     # With a step that crosses few mode switches, and with the step of MuJoCo's own examples.
     "chain": {"chain": _chain_of(), "chain 1e-6": _chain_of(epsilon=1e-6)},
-    ENGINE: {ENGINE: DerivativeMethod(automatic)},
-    ADAPTIVE: {ADAPTIVE: DerivativeMethod(partial(automatic, accuracy=1e-4))},  # of substeps
+    ENGINE: {ENGINE: DerivativeMethod(differentiate_end)},
+    # The accuracy is that of its substeps.
+    ADAPTIVE: {ADAPTIVE: DerivativeMethod(partial(differentiate_end, accuracy=1e-4))},
 }
 
 
@@ -154,7 +159,7 @@ class Differentiation:
             )
             rungs += [
                 LadderRung(step=step, span=float(span), value=difference)
-                for span, difference in zip(*differences(points, ends), strict=True)
+                for span, difference in zip(*central_differences(points, ends), strict=True)
             ]
         return tuple(rungs)
 
@@ -170,7 +175,7 @@ class _Smoothed:
         return parameter.with_value(self.point, value + self.offset * parameter_scale(value))
 
 
-def influence(by: GradientInput) -> float:
+def measure_influence(by: GradientInput) -> float:
     """Return how far a parameter moves the end if it changes by its own size; 0 if unknown."""
     return abs(by.model.value or 0.0) * parameter_scale(by.value)
 

@@ -91,7 +91,7 @@ def ladder_points(value: float) -> Floats:
     return value + parameter_scale(value) * np.concatenate([PLAN.spans, -PLAN.spans])
 
 
-def differences(points: Floats, values: Floats) -> tuple[Floats, Floats]:
+def central_differences(points: Floats, values: Floats) -> tuple[Floats, Floats]:
     """Return (K,) spans and central differences, of values at a ladder's points (2 K,).
 
     Points are rounded, which matters below a span of the root of the resolution.
@@ -103,7 +103,7 @@ def differences(points: Floats, values: Floats) -> tuple[Floats, Floats]:
 
 def extrapolate(points: Floats, values: Floats, noise: float) -> Estimate:
     """Return the extrapolated difference with the least bound; see above."""
-    spans, plain = differences(points, values)
+    spans, plain = central_differences(points, values)
     square = PLAN.ratio**2
     better = (square * plain[1:] - plain[:-1]) / (square - 1)
     bounds = np.abs(better - plain[1:]) + noise / spans[:-1] * (PLAN.ratio**3 + 1) / (square - 1)

@@ -34,8 +34,8 @@ from contactlab.studies.gradients.derivative_cache import DerivativeCache
 from contactlab.studies.gradients.derivatives import (
     METHODS,
     Differentiation,
-    influence,
     judge_derivative,
+    measure_influence,
 )
 from contactlab.studies.gradients.differences import PLAN, parameter_scale
 from contactlab.studies.gradients.end_states import DifferentiatedScene, Parameter, Point
@@ -109,7 +109,7 @@ def differentiate_scene(request: GradientsRequest, session: Session) -> Gradient
         for each in count_steps(parameters, "inputs", len(parameters))
     }
     ends, modes = subject.end_values(points), subject.contact_modes(points)
-    most = max(influence(by) for inputs in derivatives.values() for by in inputs)
+    most = max(measure_influence(by) for inputs in derivatives.values() for by in inputs)
     places = tuple(
         GradientPlace(
             settings={name: axis_cell(value) for name, value in point.values.items()},

@@ -41,7 +41,7 @@ SOFTNESS = Limit("softness", "s", "warn", 0.02, printed_unit=MILLISECONDS)
 """1 / sqrt(K) of the engine's default solref."""
 
 
-def softness(solref: Solref) -> float:
+def softness_seconds(solref: Solref) -> float:
     """Return 1 / sqrt(K) [s] of a solref; infinite without stiffness."""
     stiffness = float(stiffness_damping(solref)[0])
     return stiffness**-0.5 if stiffness > 0 else np.inf
@@ -166,15 +166,15 @@ def find_stiff_solrefs(linted: LintedModel) -> Iterator[Fault]:
 
     def gains(solref: Solref) -> bool:
         acts = refsafe_solref(solref, step) if safe else solref
-        return step / softness(acts) > STABLE_STEP and float(damping_ratio(acts)) < 1
+        return step / softness_seconds(acts) > STABLE_STEP and float(damping_ratio(acts)) < 1
 
     for solref, users in _users_by_solref(linted, gains):
         if users[0].kind in ("geom", "pair"):
             acts = refsafe_solref(solref, step) if safe else solref
-            holds = STABLE_STEP * softness(acts)
+            holds = STABLE_STEP * softness_seconds(acts)
             yield Fault(
                 f"solref {mjcf_text(solref)} of {_users_text(linted, users)} has 1 / sqrt(K) of "
-                f"{1e3 * softness(acts):.3g} ms: impacts can gain energy at steps "
+                f"{1e3 * softness_seconds(acts):.3g} ms: impacts can gain energy at steps "
                 f"above {1e3 * holds:.3g} ms",
                 linted.place(users[0].kind, users[0].number),
                 linted.set_in("option", timestep=f"{float(f'{0.98 * holds:.1e}'):g}"),
@@ -269,12 +269,12 @@ def find_soft_contacts(linted: LintedModel) -> Iterator[Fault]:
     """
     limit = SOFTNESS.value or 0.0
     for solref, users in _users_by_solref(
-        linted, lambda solref: softness(solref) > limit * (1 + SUM_ROUNDING)
+        linted, lambda solref: softness_seconds(solref) > limit * (1 + SUM_ROUNDING)
     ):
         if users[0].kind in ("geom", "pair"):
             yield Fault(
                 f"solref {mjcf_text(solref)} of {_users_text(linted, users)} is softer than "
-                f"MuJoCo's default: 1 / sqrt(K) is {1e3 * softness(solref):.3g} ms, not "
+                f"MuJoCo's default: 1 / sqrt(K) is {1e3 * softness_seconds(solref):.3g} ms, not "
                 f"{1e3 * limit:g}",
                 linted.place(users[0].kind, users[0].number),
                 _set_solref(linted, users, _DEFAULT),

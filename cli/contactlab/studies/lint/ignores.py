@@ -42,7 +42,7 @@ class Ignored:
         return {**{rule: at for (_, _, rule), at in self.by_line.items()}, **self.everywhere}
 
 
-def ignored(source: SceneSource) -> Ignored:
+def read_ignored_rules(source: SceneSource) -> Ignored:
     """Return the ignored rules of a scene's files."""
     everywhere, by_line = dict[str, str](), dict[tuple[Path, int, str], str]()
     for name in source.content.files:

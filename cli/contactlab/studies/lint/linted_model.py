@@ -291,7 +291,7 @@ class LintedModel:
         ]
 
 
-def edited(faults: Iterator[Fault]) -> Mapping[Path, bytes]:
+def apply_edits(faults: Iterator[Fault]) -> Mapping[Path, bytes]:
     """Return the files that the edits of faults change, with the edits."""
     changes: dict[Path, set[Replacement]] = {}
     for fault in faults:

@@ -15,7 +15,7 @@ from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource, find_scen
 from contactlab.schema.finding import PlacedFinding
 from contactlab.schema.lint_report import LintReport
 from contactlab.step_progress import count_steps
-from contactlab.studies.lint.ignores import Ignored, ignored
+from contactlab.studies.lint.ignores import Ignored, read_ignored_rules
 from contactlab.studies.lint.linted_model import Fault, LintedModel, linted_model, shown_path
 from contactlab.studies.lint.rules import DOCS, RULES, Rule
 from contactlab.writers.report import Report
@@ -117,7 +117,7 @@ def _scene_findings(source: SceneSource, model: str) -> Iterator[PlacedFinding]:
     """Yield the findings in an open scene, by line."""
     try:
         with linted_model(source) as linted:
-            but = ignored(linted.source)
+            but = read_ignored_rules(linted.source)
             findings = [
                 _make_finding(declared, fault, linted, but)
                 for declared in RULES.values()

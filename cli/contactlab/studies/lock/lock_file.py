@@ -26,7 +26,7 @@ from contactlab.schema.comparison import ComparePolicy
 from contactlab.store.atomic_files import atomic_write, write_errors
 from contactlab.store.finished_store import Store
 from contactlab.store.table_layout import REAL, Column
-from contactlab.studies.lock.lock_model import Group, Lock, key_of, rounded
+from contactlab.studies.lock.lock_model import Group, Lock, key_of, round_value
 
 _OF_LOOPS = (
     Column("total_reward", REAL, "", "sum of the rewards of an episode", "none"),
@@ -76,7 +76,9 @@ def group_members(store: Store) -> dict[str, tuple[dict[str, Any], list[int]]]:
     ]
     axes = columns.arrow(names).to_pylist() if names else [dict[str, Any]()] * columns.runs
     for row in np.flatnonzero(columns.numbers("knife_edge").values != 1).tolist():
-        own_axes = {name: rounded(value) for name, value in axes[row].items() if value is not None}
+        own_axes = {
+            name: round_value(value) for name, value in axes[row].items() if value is not None
+        }
         members.setdefault(key_of(own_axes), (own_axes, []))[1].append(row)
     return members
 

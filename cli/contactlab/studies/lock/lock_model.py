@@ -61,12 +61,12 @@ class Lock(Model):
 
 def key_of(axes: Mapping[str, object]) -> str:
     """Return the key of the group with these axis values."""
-    return json.dumps({name: rounded(value) for name, value in sorted(axes.items())})
+    return json.dumps({name: round_value(value) for name, value in sorted(axes.items())})
 
 
-def rounded(value: object) -> object:
+def round_value(value: object) -> object:
     """Return a value of an axis to nine digits, since computed ones differ in the last."""
     if isinstance(value, list | tuple):
-        return [rounded(item) for item in value]
+        return [round_value(item) for item in value]
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     return float(f"{value:.9g}") if is_number else value
