@@ -216,7 +216,7 @@ def _wrap_cell(cell: str, width: int, *, breakable: bool) -> list[str]:
     ) or [""]
 
 
-# A space between a number and its unit, on which no line ends.
+# A space between a number and its unit; no line ends there.
 _BEFORE_UNIT = re.compile(
     r"(?<=\d) (?=(?:%|[kMmµn]?(?:s|m|N|J|W|Hz|rad|g)|deg|min|[kMG]B|1/s)\b|%)"
 )
@@ -228,7 +228,7 @@ def _wrap_words(text: str, width: int, **options: str | bool) -> list[str]:
     for name, value in options.items():
         setattr(wrapper, name, value)
     lines = wrapper.wrap(_BEFORE_UNIT.sub(_UNBROKEN, text))
-    # A space that the text had is none of ours, but reads the same.
+    # Also a no-break space of the text itself, which reads the same.
     return [line.replace(_UNBROKEN, " ") for line in lines]
 
 
