@@ -312,3 +312,17 @@ AMOUNTS = {
     (12345.6, "N"): "12346 N",
     (0, "m"): "0 m",
 }
+
+
+@pytest.mark.long
+def test_neighboring_ticks_have_different_texts(visit: Visit, reported: Reported) -> None:
+    page = visit(reported("bounce")).page
+    scripts = resources.files("contactlab.page").joinpath("script")
+    data_script, plots = (scripts.joinpath(name).read_text() for name in ("data.js", "plots.js"))
+    start, end = data_script.index("// Significant digits"), data_script.index("const number =")
+    ticks = plots[plots.index("// Round numbers") : plots.index("function extent")]
+    shown = page.evaluate(
+        "code => new Function(`${code}; return tickTexts(roundTicks(19.99711, 19.99999, 3));`)()",
+        data_script[start:end] + ticks,
+    )
+    assert shown == ["19.998", "19.999"]

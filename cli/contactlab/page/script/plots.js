@@ -29,6 +29,13 @@ function multiples(low, high, step) {
   return found;
 }
 
+// Ticks with as many digits as tell neighbors apart, at least four.
+function tickTexts(ticks) {
+  const size = Math.max(...ticks.map(Math.abs)) / Math.abs(ticks[1] - ticks[0]);
+  const most = Number.isFinite(size) ? Math.max(4, Math.ceil(Math.log10(size)) + 1) : 4;
+  return ticks.map((tick) => digits(tick, most));
+}
+
 function extent(values, zero = false) {
   let [low, high] = zero ? [0, 0] : [Infinity, -Infinity];
   for (const value of values) {
@@ -51,10 +58,12 @@ function frame(box, x, y, titles, showX = true) {
   const bottom = box.top + box.height;
   const [, name, unit] = titles.y.match(/^(.*) \[(.*)\]$/) ?? [null, titles.y, ""];
   const [shown, factor] = smallUnit(unit, Math.max(...y.map(Math.abs)));
-  for (const tick of roundTicks(...y.map((end) => end * factor), Math.max(2, Math.round(box.height / 34)))) {
+  const ticks = roundTicks(...y.map((end) => end * factor), Math.max(2, Math.round(box.height / 34)));
+  const texts = tickTexts(ticks);
+  for (const [place, tick] of ticks.entries()) {
     const height = up(tick / factor);
     parts.push(svg("line", { class: "grid", x1: box.left, x2: box.left + box.width, y1: height, y2: height }));
-    parts.push(word(box.left - 5, height + 4, number(tick), { "text-anchor": "end" }));
+    parts.push(word(box.left - 5, height + 4, texts[place], { "text-anchor": "end" }));
   }
   for (const tick of roundTicks(...x, Math.max(2, Math.round(box.width / 90)))) {
     parts.push(svg("line", { class: "grid", x1: across(tick), x2: across(tick), y1: box.top, y2: bottom }));
