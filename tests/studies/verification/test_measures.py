@@ -1,11 +1,13 @@
 """A measure is worse beyond its spread, its relative tolerance and its floor."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from tests.studies.verification.test_tracking import PENDULUM
 
+from contactlab.plan.task_options import TaskOptions
 from contactlab.studies.verification.panel import VerificationRequest, verify_change
 from contactlab.studies.verification.run_measures import RELATIVE_TOLERANCE, average_measure
 from contactlab.tasks.checked_model import CheckedModel, open_model
@@ -46,10 +48,10 @@ def test_a_step_as_fine_as_a_reference_has_an_error(tmp_path: Path) -> None:
         (tmp_path / name).mkdir()
         file = tmp_path / name / "pendulum.xml"
         file.write_text(PENDULUM.replace("0.005", step))
-        models[name] = open_model(str(file), Session(tmp_path / name / "results"))
-    found = verify_change(
-        VerificationRequest(**models, must_improve=("numerical error",), with_labels=False)
-    )
+        session = Session(tmp_path / name / "results")
+        models[name] = open_model(str(file), session, TaskOptions(duration=1.0))
+    request = VerificationRequest(models["original"], models["changed"], with_labels=False)
+    found = verify_change(replace(request, must_improve=("numerical error",)))
     errors = [measure for measure in found.measures if measure.name == "numerical error"]
     assert found.passed
     assert errors
