@@ -37,6 +37,7 @@ def test_the_largest_tolerance_counts(
         assert found.worse is worse
 
 
+@pytest.mark.long
 def test_a_step_as_fine_as_a_reference_has_an_error(tmp_path: Path) -> None:
     """The reference has half of its step, or its error would seem to be zero.
 
