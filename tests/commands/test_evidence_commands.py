@@ -71,7 +71,7 @@ def test_a_sound_store(contactlab: Run, store: Path) -> None:
     digest = sha256_of(store / "manifest.json")
     physics = Store.open(store).physics
     sound = f"store is sound: 4 runs, 4 traces\nphysics  {physics}\ndigest   {digest}\n"
-    again = "simulated again: 2 of 2, drawn from 4 runs; chance to find 1 forged run: 50%"
+    again = "simulated again: 2 of 2, drawn from 4 runs; chance to find 1 forged run: 50 %"
     assert contactlab("verify", str(store)) == (0, sound, "")
     both = sound.replace("\nphysics", f"\n{again}\nphysics")
     assert contactlab("verify", str(store), "--simulate", "2") == (0, both, "")

@@ -13,7 +13,7 @@ from contactlab.measure.amounts import format_amount, readable_fraction
 @pytest.mark.parametrize(
     ("ratio", "said"),
     [
-        *((0.0123, "1.23% of"), (0.5, "50% of"), (1.0, "1 times"), (4.25, "4.25 times")),
+        *((0.0123, "1.23 % of"), (0.5, "50 % of"), (1.0, "1 times"), (4.25, "4.25 times")),
         *((4617.76, "4,618 times"), (4.9e10, "more than a million times"), (2e-7, "2e-07 of")),
         *((math.inf, "beyond all numbers"), (math.nan, "beyond all numbers")),
     ],

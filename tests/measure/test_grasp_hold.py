@@ -256,7 +256,7 @@ def test_what_nothing_touches_is_not_held(trace_of: Make, setup_of: Make, pair_o
     assert measured(trace, setup, "hold_contact") == 0
     (label,) = assess_runs(trace, setup).labels[0]
     assert label.label == "slipping"
-    assert "no contact carried force in 100%" in label.reason
+    assert "no contact carried force in 100 %" in label.reason
 
 
 def test_contacts_beyond_the_slots_are_said(trace_of: Make, setup_of: Make, pair_of: Make) -> None:

@@ -13,6 +13,6 @@ def test_each_share_is_said_of_what_it_is() -> None:
         pairs={"a-b": PairUse(touched=0.5, stuck=0.25, slid=0.125)},
     )
     assert coverage_rows(coverage, ("a-b", "a-c")) == [
-        ("actuators used", "grip", "lift 50%, force 20, saturated 25%"),
-        ("pairs touched", "a-c", "a-b touched 50%, stuck 25%, slid 12%"),
+        ("actuators used", "grip", "lift 50 %, force 20, saturated 25 %"),
+        ("pairs touched", "a-c", "a-b touched 50 %, stuck 25 %, slid 12 %"),
     ]

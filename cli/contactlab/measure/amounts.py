@@ -13,7 +13,7 @@ def format_amount(number: float) -> str:
 
 
 def readable_fraction(ratio: float) -> str:
-    """Return a ratio as the phrase before a noun: `12% of`, `4,618 times`, `2e-07 of`."""
+    """Return a ratio as the phrase before a noun: `12 % of`, `4,618 times`, `2e-07 of`."""
     if not abs(ratio) < 1:
         return f"{format_amount(ratio)} times" if math.isfinite(ratio) else format_amount(ratio)
-    return f"{ratio:.2g} of" if abs(ratio) < 1e-4 else f"{100 * ratio:.3g}% of"
+    return f"{ratio:.2g} of" if abs(ratio) < 1e-4 else f"{100 * ratio:.3g} % of"

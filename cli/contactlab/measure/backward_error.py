@@ -18,7 +18,7 @@ from contactlab.measure.entries import (
     metric,
     threshold_values,
 )
-from contactlab.rendering.amounts import format_amount
+from contactlab.rendering.amounts import format_amount, format_percent
 
 TOLERANCE = Threshold(
     "backward_error",
@@ -135,7 +135,7 @@ def energy_drifts(runs: MeasuredRuns, sign: int) -> OnsetIterator:
         part = readable_fraction(abs(drifts[run]))
         reason = f"the run {verb} {part} the energy of its motion, but its model does not"
         where, step = largest_energy_change(runs.context, run)
-        yield run, Onset(f"{reason}{where} (limit {within:g})", step)
+        yield run, Onset(f"{reason}{where} (limit {format_percent(within)})", step)
 
 
 def largest_energy_change(context: Context, run: int) -> tuple[str, int]:
@@ -168,7 +168,7 @@ def choice_dependent(runs: MeasuredRuns) -> OnsetIterator:
             size = format_amount(effect.error, "%", digits=3)
             reason = f"{effect.name} decides: another one changes {effect.body}'s motion by {size}"
             step = round(effect.time / context.trace.timestep[run])
-            yield run, Onset(f"{reason} (limit {limit:g})", step, (effect.body,))
+            yield run, Onset(f"{reason} (limit {format_percent(limit)})", step, (effect.body,))
 
 
 @label(

@@ -15,6 +15,7 @@ from contactlab.measure.context import (
     semi_implicit,
 )
 from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, label, metric
+from contactlab.rendering.amounts import format_percent
 
 
 @cached
@@ -142,8 +143,8 @@ def energy_loss(runs: MeasuredRuns) -> OnsetIterator:
     # A reference with finer steps may lose slowly, too; the balance of all work does not.
     for run, loss, limit in runs.over("integration_loss", TOLERANCE.name):
         if run not in drifting and not runs.context.setup.yielding:
-            part = readable_fraction(loss)
-            reason = f"the integrator removed {part} the energy of the motion (limit {limit:g})"
+            reason = f"the integrator removed {readable_fraction(loss)} the energy of the motion"
+            reason = f"{reason} (limit {format_percent(limit)})"
             yield run, Onset(reason, 3 * runs.context.trace.steps // 4)
 
 
@@ -165,4 +166,4 @@ def generous_constraints(runs: MeasuredRuns) -> OnsetIterator:
             share = readable_fraction(gain)
             reason = f"constraints gave {share} the largest kinetic energy beyond their"
             step = 0 if gain_of_runs is None else int(gain_of_runs[run, 1])
-            yield run, Onset(f"{reason} stored energy (limit {limit:g})", step)
+            yield run, Onset(f"{reason} stored energy (limit {format_percent(limit)})", step)

@@ -37,7 +37,7 @@ from contactlab.measure.context import (
 )
 from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Threshold, label, metric
 from contactlab.measure.stick_slip import HELD_USAGE, IMPACT, Spans, find_spans, mode_changes
-from contactlab.rendering.amounts import format_amount
+from contactlab.rendering.amounts import format_above, format_amount, format_percent
 
 _CREEP_SPEED = Threshold("creep_speed", None, "m/s", "Set it if sticking bodies should stay.")
 RATE = Threshold(
@@ -198,7 +198,8 @@ def creep(runs: MeasuredRuns) -> OnsetIterator:
     for run, way, limit in () if is_judged else runs.over("crept", RATE.name):
         crept = _creep_shares(runs.context)
         name = max(crept, key=lambda pair: np.nan_to_num(crept[pair][run]))
-        reason = f"{name} sticks, but creeps by {way:.3g} of its size a second (limit {limit:g})"
+        reason = f"{name} sticks, but creeps by {format_above(way, limit)} of its size a second"
+        reason = f"{reason} (limit {format_percent(limit)})"
         far = (part for part, ways in crept.items() if ways[run] > limit)
         bodies = dict.fromkeys(body for part in far for body in _bodies_of_part(runs.context, part))
         yield run, Onset(reason, runs.context.last_fifth.start, tuple(bodies))

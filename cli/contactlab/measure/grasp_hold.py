@@ -36,7 +36,7 @@ from contactlab.measure.context import (
 from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Threshold, label, metric
 from contactlab.measure.friction import hold_switch_masks
 from contactlab.measure.penetration import mean_depths
-from contactlab.rendering.amounts import format_amount
+from contactlab.rendering.amounts import format_amount, format_percent
 
 _EXPLOITED = Threshold(
     "exploited",
@@ -179,7 +179,7 @@ def slipping(runs: MeasuredRuns) -> OnsetIterator:
     window, held_pose = hold_window(runs.context), runs.context.trace.held_pose
     share, seconds = runs.metrics["hold_contact"], hold_seconds(runs.context)
     for run in runs_where(share < runs.limits["hold_contact"]):
-        reason = f"no contact carried force in {1 - share[run]:.0%} of the hold time"
+        reason = f"no contact carried force in {format_percent(1 - share[run])} of the hold time"
         yield run, Onset(reason, first_step(window[run]))
     for run, offset, limit in runs.over("hold_offset"):
         assert held_pose is not None

@@ -31,7 +31,7 @@ from contactlab.measure.context import (
     worst_body,
 )
 from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Threshold, label, metric
-from contactlab.rendering.amounts import format_amount
+from contactlab.rendering.amounts import format_amount, format_percent
 
 _DRIFT = Threshold("drift", None, "m", "Set it if bodies should stay.")
 _REST_SPEED = Threshold("rest_speed", None, "m/s", "Set it if bodies should come to rest.")
@@ -217,7 +217,8 @@ def energy_injection(runs: MeasuredRuns) -> OnsetIterator:
         risen = values - initial > limit * energy_scale(context)[run]
         where, _ = largest_energy_change(context, run)
         reason = (
-            f"energy rose by {readable_fraction(gain)} that at the start{where} (limit {limit:.3g})"
+            f"energy rose by {readable_fraction(gain)} that at the start{where} "
+            f"(limit {format_percent(limit)})"
         )
         yield run, Onset(reason, first_step(risen))
     limit = np.sqrt(1 + runs.limits[TOLERANCE.name])  # Energy goes with the square of speed.
@@ -258,7 +259,7 @@ def asleep_unsupported(runs: MeasuredRuns) -> OnsetIterator:
         joint = setup.mechanism.joints[int(place)]
         way = format_amount(distance, "mm")
         motion = f"{joint.name} sleeps, but awake would have moved on by {way}"
-        reason = f"{motion}, {share:.3g} of its path (limit {limit:g})"
+        reason = f"{motion}, {format_percent(share)} of its path (limit {format_percent(limit)})"
         yield run, Onset(reason, int(step), joint.bodies)
 
 

@@ -25,6 +25,7 @@ from contactlab.measure.entries import (
     oracle,
 )
 from contactlab.measure.motion import energy_scale
+from contactlab.rendering.amounts import format_percent
 
 
 @metric("any", kind="detail", heading="expected")
@@ -74,8 +75,8 @@ def oracle_miss(runs: MeasuredRuns) -> OnsetIterator:
             reason += f"measured {observed[run]:.4g}, error {error[run]:.3g} {limit}"
         yield run, Onset(reason, last)
     for run, error, limit in runs.over("at_rest_error", TOLERANCE.name):
-        reason = f"at rest, the relative error of the requested value is {error:.3g}"
-        reason = f"{reason} (limit {limit:g})"
+        reason = f"at rest, the relative error of the requested value is {format_percent(error)}"
+        reason = f"{reason} (limit {format_percent(limit)})"
         yield run, Onset(reason, last)
 
 

@@ -8,7 +8,7 @@ from contactlab.measure.amounts import readable_fraction
 from contactlab.measure.backward_error import TOLERANCE, resolved_runs
 from contactlab.measure.context import Context, cached, count, first_step, runs_where, share
 from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Threshold, label, metric
-from contactlab.rendering.amounts import format_amount
+from contactlab.rendering.amounts import format_amount, format_percent
 from contactlab.schema.comparison import MetricRule
 
 _DISTANCE_THRESHOLD = Threshold(
@@ -84,9 +84,8 @@ def solver_nonconvergence(runs: MeasuredRuns) -> OnsetIterator:
     hit = saturated(context)
     residual = sustained_residual(context, hit)
     for run in runs_where(residual > runs.limits[TOLERANCE.name]):
-        iterations_used = (
-            f"the solver used all its {allowed[run]} iterations in {hit[run].mean():.0%} of the"
-        )
+        share = format_percent(float(hit[run].mean()))
+        iterations_used = f"the solver used all its {allowed[run]} iterations in {share} of the"
         difference = f"still differ by {residual[run]:.2g} of the largest force"
         reason = f"{iterations_used} steps, and forces and accelerations {difference}"
         yield run, Onset(reason, first_step(hit[run]))
@@ -214,12 +213,8 @@ def solver_inconsistent(runs: MeasuredRuns) -> OnsetIterator:
     """
     context, checks = runs.context, runs.context.checks
     for run, excess, limit in runs.over("cone_violation", TOLERANCE.name):
-        yield (
-            run,
-            Onset(
-                f"a force exceeds its cone by {readable_fraction(excess)} it (limit {limit:g})", 0
-            ),
-        )
+        reason = f"a force exceeds its cone by {readable_fraction(excess)} it"
+        yield run, Onset(f"{reason} (limit {format_percent(limit)})", 0)
     if checks is None:
         return
     early = ~saturated(context)

@@ -38,7 +38,7 @@ from contactlab.pareto.recommendation import (
     settings_text,
 )
 from contactlab.printable import visible_or_other
-from contactlab.rendering.amounts import format_amount, format_percent
+from contactlab.rendering.amounts import format_amount, format_interval, format_percent
 from contactlab.reporting.boundaries import boundary_lines, describe_coverage
 from contactlab.reporting.finding import write_finding
 from contactlab.reporting.label_shares import share_words
@@ -415,7 +415,7 @@ def sensitivity_views(store: Store) -> Iterator[SensitivityView]:
     for sensitivity in find_sensitivities(store):
         shared = ", ".join(f"{name} {value}" for name, value in sensitivity.shared.items())
         spans = [
-            [f"{low:.0%} to {high:.0%}" for low, high in interval.tolist()]
+            [format_interval(low, high) for low, high in interval.tolist()]
             for interval in (sensitivity.first_interval, sensitivity.total_interval)
         ]
         rows = zip(

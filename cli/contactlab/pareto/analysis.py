@@ -36,6 +36,7 @@ from contactlab.pareto.recommendation import (
     recommendable_places,
     setting_text,
 )
+from contactlab.rendering.amounts import format_percent
 from contactlab.schema.coverage import Exercised, Feature, feature_of
 from contactlab.schema.tradeoff_report import (
     Blocker,
@@ -169,8 +170,8 @@ def _measurement_notes(report: TradeoffReport) -> Iterator[str]:
         )
     elif time.spread is not None and time.spread > noisy_spread:
         yield (
-            f"rounds of the timing pass differ by {time.spread:.0%}, median over minimum: "
-            "smaller differences between configurations are noise"
+            f"rounds of the timing pass differ by {format_percent(time.spread)}, median over "
+            "minimum: smaller differences between configurations are noise"
         )
     if below := sum(configuration.below_estimate for configuration in configurations):
         yield (

@@ -8,7 +8,7 @@ from contactlab.measure import labels_with
 from contactlab.plan.sampled_shares import configuration_of
 from contactlab.plan.search import searched_axes
 from contactlab.plan.sides import counts_for_share, fields_read_by
-from contactlab.rendering.amounts import format_setting
+from contactlab.rendering.amounts import format_amount, format_percent, format_setting
 from contactlab.schema.sweep_schema import Until
 from contactlab.shares import anytime
 from contactlab.store.finished_store import Store
@@ -59,12 +59,16 @@ def share_lines(until: Until, shares: list[KnownShare]) -> Iterator[str]:
     most_lines = 12
     for share in shares[:most_lines]:
         settings = ", ".join(f"{name} {value}" for name, value in share.configuration)
+        good, low, high = (
+            format_amount(part, "%", digits=3)
+            for part in (share.good / share.runs, share.low, share.high)
+        )
         wide = (share.high - share.low) / 2 > until.half_width
         yield (
-            f"{until.share}: {share.good / share.runs:.1%} of {share.runs:,} runs"
-            f"{f' of {settings}' if settings else ''}, {share.low:.1%} to {share.high:.1%} with "
-            f"{until.sure:.0%}, at any number of draws"
-            + (f"; +-{until.half_width:.1%} would take more draws" if wide else "")
+            f"{until.share}: {good} of {share.runs:,} runs"
+            f"{f' of {settings}' if settings else ''}, {low} to {high} with "
+            f"{format_percent(until.sure)}, at any number of draws"
+            + (f"; +-{format_percent(until.half_width)} would take more draws" if wide else "")
         )
     if len(shares) > most_lines:
         yield f"and {len(shares) - most_lines:,} more configurations"

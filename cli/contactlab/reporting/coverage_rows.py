@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
+from contactlab.rendering.amounts import format_percent
 from contactlab.schema.coverage import ActuatorUse, Coverage, PairUse, Travel
 
 _APART = PairUse()
@@ -52,19 +53,20 @@ def _describe_travel(travel: Travel) -> str:
     """Return the distance that a part moved; empty if it stayed at rest."""
     if not travel.counts and not travel.stretched:
         return ""
-    way = f"{travel.moved:g}" if travel.share is None else f"{travel.share:.0%}"
+    way = f"{travel.moved:g}" if travel.share is None else f"{format_percent(travel.share)}"
     return f"{way}, turned {travel.turned:g} rad" if travel.turned else way
 
 
 def _describe_use(use: ActuatorUse) -> str:
     if not use.force and not use.counts:
         return ""
-    control = f"{use.share:.0%}, " if use.share else ""
-    saturated = f", saturated {use.saturated:.0%}" if use.saturated else ""
+    control = f"{format_percent(use.share)}, " if use.share else ""
+    saturated = f", saturated {format_percent(use.saturated)}" if use.saturated else ""
     return f"{control}force {use.force:g}{saturated}"
 
 
 def _describe_touch(use: PairUse) -> str:
     """Return the shares of time that a pair touched, stuck, slid, rolled and spun."""
     names = ("touched", "stuck", "slid", "rolled", "spun")
-    return ", ".join(f"{name} {share:.0%}" for name in names if (share := getattr(use, name)))
+    shares = ((name, getattr(use, name)) for name in names)
+    return ", ".join(f"{name} {format_percent(share)}" for name, share in shares if share)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.rendering.amounts import format_setting
+from contactlab.rendering.amounts import format_interval, format_percent, format_setting
 from contactlab.reporting.report_columns import summary_metrics
 from contactlab.schema.evidence import ParameterBudget, ParameterRow
 from contactlab.schema.sweep_schema import MOST_SENSITIVITIES
@@ -102,7 +102,10 @@ def sensitivity_lines(sensitivity: Sensitivity) -> Iterator[str]:
     shared = ", ".join(f"{name} {value}" for name, value in sensitivity.shared.items())
     of = f"{sensitivity.metric} of {shared}" if shared else sensitivity.metric
     alone, total = (
-        [f"{share:.0%} ({low:.0%} to {high:.0%})" for share, (low, high) in zip(*each, strict=True)]
+        [
+            f"{format_percent(share)} ({format_interval(low, high)})"
+            for share, (low, high) in zip(*each, strict=True)
+        ]
         for each in (
             (sensitivity.first.tolist(), sensitivity.first_interval.tolist()),
             (sensitivity.total.tolist(), sensitivity.total_interval.tolist()),
@@ -147,4 +150,4 @@ def axes_of_starts(budget: ParameterBudget) -> list[str]:
 
 
 def _format_error(share: float | None) -> str:
-    return "not measured, because the engine gave up" if share is None else f"{share:.2%}"
+    return "not measured, because the engine gave up" if share is None else format_percent(share)

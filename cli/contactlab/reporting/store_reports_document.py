@@ -7,7 +7,7 @@ from contactlab.comparison.report import report_of
 from contactlab.judge.wording import plural
 from contactlab.plan.kept_traces import MANY_RUNS, OF_MANY
 from contactlab.printable import shell_word
-from contactlab.rendering.amounts import format_amount
+from contactlab.rendering.amounts import format_amount, format_percent
 from contactlab.rendering.document import (
     Block,
     Commands,
@@ -111,7 +111,7 @@ def _simulation_text(report: StoreVerification) -> Iterator[str]:
             max(0, report.runs - forged - position) / (report.runs - position)
             for position in range(report.simulated)
         )
-        chance = f"chance to find {plural(forged, 'forged run')}: {1 - missed:.0%}"
+        chance = f"chance to find {plural(forged, 'forged run')}: {format_percent(1 - missed)}"
         text += f", drawn from {report.runs:,} runs; {chance}"
     yield text
 

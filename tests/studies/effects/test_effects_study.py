@@ -244,7 +244,7 @@ def test_a_kept_part_stays(tmp_path: Path) -> None:
     [
         (0.79, 1.01, "x0.90 (0.79 to 1.01) of the time, which is within noise"),
         (0.88, 0.92, "x0.90 (0.88 to 0.92) of the time"),
-        (0.98, 1.01, "No smaller model: no set of parts saves more than 3%"),
+        (0.98, 1.01, "No smaller model: no set of parts saves more than 3 %"),
     ],
 )
 def test_only_a_time_that_disproves_the_saving_keeps_the_model(

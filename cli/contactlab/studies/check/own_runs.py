@@ -9,6 +9,7 @@ import math
 from contactlab.budget import PhaseBudget
 from contactlab.judge.limits import PERCENT, Limit
 from contactlab.measure import METRICS, labels_with
+from contactlab.rendering.amounts import format_percent
 from contactlab.scene.body_inertia import (
     IMPOSSIBLE,
     in_words,
@@ -145,9 +146,8 @@ def check_repeat(checked: CheckedModel) -> Measured:
     measures = [
         checked.measure("trajectories_differ", value, where) for where, value in differing.items()
     ]
-    note = (
-        f"reference.json has the run that a parallel engine must reproduce within {TOLERANCE:.0%}"
-    )
+    within = format_percent(TOLERANCE)
+    note = f"reference.json has the run that a parallel engine must reproduce within {within}"
     return Measured(measures, [note], checked.stores(TASK_STORE, "repeat"))
 
 

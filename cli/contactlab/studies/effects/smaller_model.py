@@ -15,6 +15,7 @@ import mujoco
 from contactlab.budget import Motion
 from contactlab.budget.counted_time import count_pace
 from contactlab.errors import EngineError, SceneError
+from contactlab.rendering.amounts import format_percent
 from contactlab.reporting.verified_measures import describe_measure
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import WrittenModel, write_model
@@ -265,4 +266,4 @@ def describe_result(smaller: SmallerModel | None, search: SmallerSearch) -> str:
         return f"The smaller model, without {names}, takes {ratio.text} of the time{noise}"
     if search.is_late:
         return "No smaller model: the CPU limit ended its verification"
-    return f"No smaller model: no set of parts saves more than {LEAST_SAVING:.0%}"
+    return f"No smaller model: no set of parts saves more than {format_percent(LEAST_SAVING)}"

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from contactlab.rendering.amounts import format_percent
 from contactlab.schema.grip import CauseKind, GripVerdict
 from contactlab.studies.grip.holding import Drift
 
@@ -82,7 +83,7 @@ def find_causes(evidence: GripEvidence) -> list[tuple[CauseKind, str]]:
         causes.append(first)
     deep_share = 0.1  # share of half of the object's width
     if evidence.deep > deep_share:
-        share = f"{evidence.deep:.0%} of half of its width"
+        share = f"{format_percent(evidence.deep)} of half of its width"
         causes.append(("deep penetration", f"the fingers penetrate it by {share}"))
     return causes
 

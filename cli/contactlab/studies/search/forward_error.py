@@ -22,6 +22,7 @@ from contactlab.budget.restarts import (
 from contactlab.budget.windows import replay
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
+from contactlab.rendering.amounts import format_percent
 from contactlab.scene.model_edits import set_timestep
 from contactlab.scene.model_names import find_id
 from contactlab.tasks.reference_error import ErrorEstimate
@@ -59,7 +60,7 @@ class Divergence:
         if self.chaotic:
             return f"chaotic: {grown}, in {self.growing_parts} of {_PARTS} parts of the run"
         if self.factor > _CHAOTIC_GROWTH:
-            jump = f"{self.largest_jump:.0%} at once"
+            jump = f"{format_percent(self.largest_jump)} at once"
             return f"regular, except for a mode switch: {grown}, {jump}"
         return f"regular: {grown} in the whole run"
 
