@@ -140,8 +140,17 @@ class _Servo(NamedTuple):
 
     @classmethod
     def of(cls, model: mujoco.MjModel, joint: int, inertia: float) -> "_Servo":
-        """Return those of a joint that moves an inertia."""
-        step, actuators = float(model.opt.timestep), [*_list_servos(model, joint)]
+        """Return the servos and the spring of a joint that moves an inertia."""
+        # The force of a servo depends on the position or the speed of its joint.
+        actuators = [
+            actuator
+            for actuator in range(model.nu)
+            if int(model.actuator_trntype[actuator]) in AT_JOINT
+            and int(model.actuator_trnid[actuator, 0]) == joint
+            and int(model.actuator_biastype[actuator]) == _AFFINE
+            and (model.actuator_biasprm[actuator, [_STIFFNESS, _DAMPING]] < 0).any()
+        ]
+        step = float(model.opt.timestep)
         square = model.actuator_gear[actuators, 0] ** 2
         kp, kv = (
             float(-(model.actuator_biasprm[actuators, place] * square).sum())
@@ -166,24 +175,22 @@ class _Servo(NamedTuple):
 
 
 def _points_to(model: mujoco.MjModel, reason: BudgetReason, servo: _Servo) -> bool:
-    """Return whether a reason names the joint of a servo, or is of a body that it moves."""
-    body = name_of(model, "body", int(model.jnt_bodyid[servo.joint]))
-    return reason.place == joint_name(model, servo.joint) or body in _list_bodies(model, reason)
-
-
-def _list_bodies(model: mujoco.MjModel, reason: BudgetReason) -> Iterator[str]:
-    """Yield the bodies of a reason: the one that moves, and those of its place."""
-    yield reason.body
+    """Return whether a reason names the joint of a servo, or a body that the joint moves."""
+    if reason.place == joint_name(model, servo.joint):
+        return True
+    # Bodies of a reason are the one that moves, and those of its place.
+    bodies = [reason.body]
     kind, _, name = reason.place.partition(" ")
     if kind == "contact":
-        yield from name.split(" - ")
+        bodies += name.split(" - ")
     for part, count, bodies_of in (
         ("equality", model.neq, bodies_of_equality),
         ("tendon", model.ntendon, bodies_of_tendon),
     ):
         for index in range(count if kind == part else 0):
             if _find_own_name(model, part, index) == name:
-                yield from bodies_of(model, index)
+                bodies += bodies_of(model, index)
+    return name_of(model, "body", int(model.jnt_bodyid[servo.joint])) in bodies
 
 
 def _hold_servos(model: mujoco.MjModel, servos: Sequence[_Servo]) -> Iterator[Candidate]:
@@ -219,19 +226,6 @@ def _of_dofs(
     numbers = [value.value for value in values]
     size = f"{numbers[0]:g}" if len({*numbers}) == 1 else f"of up to {max(numbers):g}"
     return build_candidate(f"{word} {size} of {names}", word, values)
-
-
-def _list_servos(model: mujoco.MjModel, joint: int) -> Iterator[int]:
-    """Yield the actuators of a joint whose force depends on its position or speed."""
-    for actuator in range(model.nu):
-        at_joint = int(model.actuator_trntype[actuator]) in AT_JOINT
-        if (
-            at_joint
-            and int(model.actuator_trnid[actuator, 0]) == joint
-            and int(model.actuator_biastype[actuator]) == _AFFINE
-            and (model.actuator_biasprm[actuator, [_STIFFNESS, _DAMPING]] < 0).any()
-        ):
-            yield actuator
 
 
 def _slow_gains(model: mujoco.MjModel, servos: Sequence[int], part: float) -> Iterator[FieldValue]:

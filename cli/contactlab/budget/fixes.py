@@ -403,7 +403,10 @@ def _is_possible(
         return False
     if not all(candidate.applies(motion.model) for motion in motions):
         return False
-    return not candidate.exercised or _is_exercised(candidate.exercised, motions)
+    if not candidate.exercised:
+        return True
+    row = find_row(candidate.exercised)
+    return any(row.applies(motion.model) and exercised_rows(motion, [row]) for motion in motions)
 
 
 class _FixJudge(NamedTuple):
@@ -658,11 +661,6 @@ def options_changed(model: mujoco.MjModel, changed: mujoco.MjModel) -> dict[str,
     options = {name: value for name, value in values.items() if value != read_option(model, name)}
     flags = {name: read_flag(changed, name) for name in FLAG_NAMES}
     return options | {name: on for name, on in flags.items() if on != read_flag(model, name)}
-
-
-def _is_exercised(name: str, motions: Sequence[Motion]) -> bool:
-    row = find_row(name)
-    return any(row.applies(motion.model) and exercised_rows(motion, [row]) for motion in motions)
 
 
 def changed_model(model: mujoco.MjModel, candidate: Candidate) -> mujoco.MjModel:

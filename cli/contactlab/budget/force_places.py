@@ -87,7 +87,12 @@ def sum_impulses(stretch: Stretch, model: mujoco.MjModel, timestep: float) -> Im
                 mujoco.mj_setState(model, data, stretch.inputs[step], stretch.spec)
             mujoco.mj_step(model, data)
             # A joint has the forces of its limit, servo and spring.
-            for name, rows in _constraint_rows(model, data).items():
+            pushing = np.flatnonzero(data.efc_force)
+            kinds, sources = data.efc_type[pushing].tolist(), data.efc_id[pushing].tolist()
+            rows_of_source: dict[str, list[int]] = defaultdict(list)
+            for row, kind, source in zip(pushing.tolist(), kinds, sources, strict=True):
+                rows_of_source[_name_source(model, data, kind, source)].append(row)
+            for name, rows in rows_of_source.items():
                 loaded, general = np.zeros(data.nefc), np.zeros(model.nv)
                 loaded[rows] = data.efc_force[rows]
                 mujoco.mj_mulJacTVec(model, data, general, loaded)
@@ -101,16 +106,6 @@ def sum_impulses(stretch: Stretch, model: mujoco.MjModel, timestep: float) -> Im
         for name, total in sums.items():
             impulses[name][step] = total
     return dict(impulses)
-
-
-def _constraint_rows(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, list[int]]:
-    """Return the rows of constraints that push, by their source."""
-    rows: dict[str, list[int]] = defaultdict(list)
-    pushing = np.flatnonzero(data.efc_force)
-    kinds, sources = data.efc_type[pushing].tolist(), data.efc_id[pushing].tolist()
-    for row, kind, source in zip(pushing.tolist(), kinds, sources, strict=True):
-        rows[_name_source(model, data, kind, source)].append(row)
-    return rows
 
 
 def _name_source(model: mujoco.MjModel, data: mujoco.MjData, kind: int, source: int) -> str:

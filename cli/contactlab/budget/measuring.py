@@ -135,7 +135,12 @@ class PhaseMeasure:
         """
         self._begun = begun
         self._motion, self._settings, self._model = motion, settings, motion.model
-        self._exact_model = motion.model if original is None else _with_steps_of(original, motion)
+        self._exact_model = motion.model
+        if original is not None:
+            # References have the timestep and the integrator of the changed model.
+            self._exact_model = without_sensors(original)
+            self._exact_model.opt.integrator = motion.model.opt.integrator
+            set_timestep(self._exact_model, float(motion.model.opt.timestep))
         self._used = [row for row in rows_to_measure if row.applies(motion.model)]
         self._undelayed = without_delays(motion)
         self._bodies = judged_bodies(motion.model)
@@ -630,14 +635,6 @@ class PhaseMeasure:
     def _find_checked(self, window_values: "_WindowValues") -> np.ndarray:
         """Return (S, W) whether a window was gone through by both references."""
         return ~np.isnan(window_values.checked[..., 0]) & ~window_values.lost
-
-
-def _with_steps_of(original: mujoco.MjModel, motion: Motion) -> mujoco.MjModel:
-    # References have the timestep and the integrator of the changed model.
-    model = without_sensors(original)
-    model.opt.integrator = motion.model.opt.integrator
-    set_timestep(model, float(motion.model.opt.timestep))
-    return model
 
 
 class _SharedRolls:

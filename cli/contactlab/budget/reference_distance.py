@@ -28,7 +28,6 @@ from contactlab.budget.windows import (
     judged_bodies,
     replay,
 )
-from contactlab.contact.trace_arrays import Floats
 from contactlab.modifications.model_predicates import read_gravity
 
 FINEST = 8
@@ -59,7 +58,13 @@ def distances_to_reference(
     """
     undelayed, fine_model = without_delays(motion), build_reference_model(motion.model, finest)
     target(fine_model)
-    run = _finest_run(undelayed, fine_model, settings, finest)
+    # The finest motion is cut into windows of the run's whole steps.
+    step = fine_model.opt.timestep * finest
+    steps = min(motion.steps, max(1, round(settings.window / step)))
+    fine = replay(refine_motion(undelayed, fine_model, finest), steps * step, settings.workers)
+    states = fine.velocity_states[:, ::finest]
+    states = np.concatenate([states, states[:, -1:]], axis=1)
+    run = Run(steps, fine.begins // finest, fine.starts, states, fine.valid, ())
     bodies = judged_bodies(motion.model)
     observer = Observer(motion.model, motion.starts[0], bodies, settings.workers)
     models = [(run_at_once(rival.model), rival.rate) for rival in rivals]
@@ -68,15 +73,15 @@ def distances_to_reference(
     most = (run.steps + 1) * max(finest, *(rate for _, rate in models), 1)
     for block in blocks(fine_model, np.argwhere(run.valid), most):
         windows = Windows(undelayed, run, settings.workers, block)
-        fine, lost = windows.roll(fine_model, finest, whole=True)
-        velocities = observer(fine)[0]
+        fine_states, lost = windows.roll(fine_model, finest, whole=True)
+        velocities = observer(fine_states)[0]
         path = np.where(lost[:, None], 0, paths(velocities[:, : run.steps * finest + 1 : finest]))
         speed = np.linalg.norm(velocities[:, 0], axis=-1) * (block[:, 1] == 0)[:, None]
         np.add.at(real, block[:, 0], path + speed)
         for number, (model, rate) in enumerate(models):
-            states, failed = windows.roll(model, rate)
+            changed_states, failed = windows.roll(model, rate)
             around = velocities[:, (run.steps - 1) * finest :]
-            own = defects(observer(states)[0], around, slack_share(run.steps))
+            own = defects(observer(changed_states)[0], around, slack_share(run.steps))
             own[failed] = np.inf
             np.add.at(apart[number], block[:, 0], np.where(lost[:, None], 0, own))
     if not run.valid.any():
@@ -85,25 +90,11 @@ def distances_to_reference(
     real += GRAVITY_AS_REAL * read_gravity(motion.model) * span[:, None]
     if motion.usual is not None:
         real = np.maximum(real, GRAVITY_AS_REAL * motion.usual[bodies] * span[:, None])
-    shares = _mean_shares(apart, real)
+    # Seeds without a window have no share.
+    has_windows = real.any(axis=1)
+    shares = (apart / scale_of_impulses(real))[:, has_windows].mean(axis=1)
     observed_bodies = [
         not motion.observed or body_name(motion.model, int(body)) in motion.observed
         for body in bodies
     ]
     return shares[:, observed_bodies].max(axis=1, initial=0).tolist()
-
-
-def _mean_shares(apart: Floats, real: Floats) -> Floats:
-    """Return (R, B) shares, the mean over seeds that have windows at all."""
-    has_windows = real.any(axis=1)
-    return (apart / scale_of_impulses(real))[:, has_windows].mean(axis=1)
-
-
-def _finest_run(motion: Motion, model: mujoco.MjModel, settings: Settings, finest: int) -> Run:
-    """Return the finest motion, cut into windows of the run's whole steps."""
-    step = model.opt.timestep * finest
-    steps = min(motion.steps, max(1, round(settings.window / step)))
-    fine = replay(refine_motion(motion, model, finest), steps * step, settings.workers)
-    states = fine.velocity_states[:, ::finest]
-    states = np.concatenate([states, states[:, -1:]], axis=1)
-    return Run(steps, fine.begins // finest, fine.starts, states, fine.valid, ())

@@ -53,7 +53,9 @@ def measure_time_ratios(
     # One place tells roughly how many are enough, and these tell it better.
     for _ in range(2):
         own = stretches.ready(motion.model, 1, timed_places)
-        timed_places = _repeat_places(valid, own.seconds() / len(timed_places))
+        count = max(1, math.ceil(TURN_SECONDS / (own.seconds() / len(timed_places))))
+        few = np.linspace(0, len(valid) - 1, min(count, len(valid))).astype(int)
+        timed_places = np.resize(valid[few], (max(count, len(few)), 2))
     own = stretches.ready(motion.model, 1, timed_places)
     held_bytes = 1 << 27  # of models at a time
     most = max(1, held_bytes // motion.model.nbuffer)
@@ -65,13 +67,6 @@ def measure_time_ratios(
         timers = [each.seconds for each in (own, *group)]
         ratios |= zip(names, compare_times(timers, protocol), strict=True)
     return ratios
-
-
-def _repeat_places(valid: np.ndarray, seconds: float) -> np.ndarray:
-    """Return enough places for the timing if one takes `seconds` [s]; few come twice."""
-    count = max(1, math.ceil(TURN_SECONDS / seconds))
-    places = np.linspace(0, len(valid) - 1, min(count, len(valid))).astype(int)
-    return np.resize(valid[places], (max(count, len(places)), 2))
 
 
 class _TimedBatch(NamedTuple):

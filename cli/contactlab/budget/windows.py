@@ -172,9 +172,13 @@ def replay(motion: Motion, window: float, workers: int, known_states: Floats | N
             batch, size, end - first, inputs, motion.spec
         )
         for seed in np.flatnonzero(fails & ~failed):
-            warnings += _list_warnings(
-                model, batch, int(seed), (place, float(begin * model.opt.timestep))
-            )
+            when = place, float(begin * model.opt.timestep)
+            kinds = [
+                EngineWarning(kind, _name_subject(model, kind, int(subject)), int(seed), *when)
+                for kind, (subject, number) in zip(_KINDS, batch.warning[seed], strict=True)
+                if number
+            ]
+            warnings += kinds or [EngineWarning(batch.error(int(seed)), "", int(seed), *when)]
         failed |= fails
         # A window that the run began before the failure may end after it.
         valid[failed, np.searchsorted(begins, begin - length, side="right") :] = False
@@ -212,17 +216,6 @@ def _write_rows(states: Floats, rows: Floats, places: Sequence[slice]) -> None:
         end = begin + place.stop - place.start
         states[..., place] = rows[..., begin:end]
         begin = end
-
-
-def _list_warnings(
-    model: mujoco.MjModel, batch: Batch, seed: int, when: tuple[int, float]
-) -> list[EngineWarning]:
-    warnings_ = [
-        EngineWarning(kind, _name_subject(model, kind, int(place)), seed, *when)
-        for kind, (place, count) in zip(_KINDS, batch.warning[seed], strict=True)
-        if count
-    ]
-    return warnings_ or [EngineWarning(batch.error(seed), "", seed, *when)]
 
 
 _KINDS = [

@@ -29,18 +29,6 @@ def _list_scenes() -> Listing:
     return Listing(("scene", "title", "duration"), rows, {"duration": "s"})
 
 
-def _list_axes(scene: str) -> Listing:
-    from contactlab.run.sweep_request import SceneLoader
-
-    catalogue = SceneLoader(None).open(scene).catalogue
-    rows = [
-        (axis.name, axis.unit, axis.description, ", ".join(axis.choices))
-        for axis in map(catalogue.find, catalogue.names)
-        if axis
-    ]
-    return Listing(("axis", "unit", "description", "values"), rows)
-
-
 def _list_sweeps() -> Listing:
     from contactlab import resources
 
@@ -194,7 +182,14 @@ def list(
     if what == _OF_SCENE:
         if of is None:
             raise SweepFileError("list axes: name a scene too; write `contactlab list axes SCENE`")
-        return _list_axes(str(of))
+        from contactlab.run.sweep_request import SceneLoader
+
+        catalogue = SceneLoader(None).open(str(of)).catalogue
+        axes = [axis for axis in map(catalogue.find, catalogue.names) if axis]
+        return Listing(
+            ("axis", "unit", "description", "values"),
+            [(axis.name, axis.unit, axis.description, ", ".join(axis.choices)) for axis in axes],
+        )
     if of is not None:
         raise SweepFileError(f"only axes belong to a scene; write `contactlab list axes {of}`")
     if what is None:

@@ -70,7 +70,20 @@ def tradeoff(
         )
     criteria = Criteria(metric, task_options.limits)
     sweep_file, folder = (None if path is None else Path(path) for path in (write, model))
-    _check_outputs(figure, sweep_file, folder)
+    # Files that cannot be written are refused before anything is run.
+    opt.check_figure(figure)
+    if sweep_file is not None and not sweep_file.parent.is_dir():
+        raise OutputError(
+            f"cannot write {sweep_file}: no folder {sweep_file.parent}; create it first"
+        )
+    if sweep_file is not None and sweep_file.exists():
+        raise OutputError(f"{sweep_file} exists; choose another file with --write")
+    if (
+        folder is not None
+        and folder.exists()
+        and not (folder.is_dir() and not any(folder.iterdir()))
+    ):
+        raise OutputError(f"{folder} is not an empty folder; choose another one with --model")
     name = str(opt.address_of(source))
     target = None if output is None else opt.address_of(output)
     opened = None
@@ -109,17 +122,6 @@ def tradeoff(
     if sweep_file is not None and report.recommendation is not None:
         _write_sweep(sweep_file, report)
     return report
-
-
-def _check_outputs(figure: str | Path | None, write: Path | None, model: Path | None) -> None:
-    """Refuse files that cannot be written, before anything is run."""
-    opt.check_figure(figure)
-    if write is not None and not write.parent.is_dir():
-        raise OutputError(f"cannot write {write}: no folder {write.parent}; create it first")
-    if write is not None and write.exists():
-        raise OutputError(f"{write} exists; choose another file with --write")
-    if model is not None and model.exists() and not (model.is_dir() and not any(model.iterdir())):
-        raise OutputError(f"{model} is not an empty folder; choose another one with --model")
 
 
 def _write_sweep(path: Path, report: "TradeoffReport") -> None:
