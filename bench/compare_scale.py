@@ -22,7 +22,7 @@ import pyarrow as pa
 from bench.made_up import Rows, ids_of, parts_of, real_store, tables, write_store
 from pyarrow.compute import call_function
 
-from contactlab.comparison.compare_stores import compare
+from contactlab.comparison.compare_stores import compare_stores
 from contactlab.comparison.report import report_of
 from contactlab.measure import LABELS, METRICS
 from contactlab.parts import register_parts
@@ -58,7 +58,7 @@ def measure(baseline: Path, candidate: Path, match: str) -> None:
     """Compare two stores and print CPU time [s], wall time [s] and peak memory [B]."""
     policy = ComparePolicy.model_validate({"version": 1, "match": match})
     cpu, wall = time.process_time(), time.perf_counter()
-    report = compare(baseline, candidate, policy)
+    report = compare_stores(baseline, candidate, policy)
     for render in (as_text, as_markdown, as_junit):
         render(report_of(report))
     spent = time.process_time() - cpu, time.perf_counter() - wall

@@ -18,8 +18,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from contactlab.budget.defects import defects, paths
-from contactlab.budget.windows import gyration, judged_bodies
+from contactlab.budget.defects import measure_defects, measure_paths
+from contactlab.budget.windows import gyration_radii, judged_bodies
 from contactlab.contact.trace_arrays import Floats
 from contactlab.engines import ENGINES
 from contactlab.engines.engine import PreparedRuns
@@ -41,7 +41,11 @@ _GRAVITY_SHARE = 0.1
 def velocities(model: mujoco.MjModel, states: Floats) -> Floats:
     """Return (..., B, 6) velocities of centres of mass, and spins times radii, of (..., nstate)."""
     data, bodies = mujoco.MjData(model), judged_bodies(model).tolist()
-    radii, found, six = gyration(model), np.zeros((*states.shape[:-1], len(bodies), 6)), np.zeros(6)
+    radii, found, six = (
+        gyration_radii(model),
+        np.zeros((*states.shape[:-1], len(bodies), 6)),
+        np.zeros(6),
+    )
     for place in np.ndindex(states.shape[:-1]):
         _, data.qpos[:], data.qvel[:], _ = np.split(
             states[place], np.cumsum([1, model.nq, model.nv])
@@ -76,11 +80,11 @@ def budget(scene: Scene, values: Values, duration: float, engine: str) -> tuple[
     model = runs.models[0]
     other = velocities(model, states)
     mine = velocities(model, np.stack([own[at + each - 1 : at + each + 2] for at in starts]))
-    apart = defects(mine, other[:, _FINER * (each - 1) :]).sum(axis=0)
+    apart = measure_defects(mine, other[:, _FINER * (each - 1) :]).sum(axis=0)
     watched = len(starts) * each * spec.timestep
     pull = _GRAVITY_SHARE * float(np.linalg.norm(model.opt.gravity)) * watched
     real = np.linalg.norm(other[0, 0], axis=-1) + pull
-    real += paths(other[:, : _FINER * each + 1]).sum(axis=0)
+    real += measure_paths(other[:, : _FINER * each + 1]).sum(axis=0)
     return float((apart / real).max()), parted
 
 

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 from contactlab.parts import register_parts
 
 if TYPE_CHECKING:
-    from contactlab.run.tasks import Finished
+    from contactlab.run.tasks import FinishedRun
 
 SIZES = (10_000, 100_000, 1_000_000)
 # Ten values an axis and ten seeds; the number of axes decides how many runs there are.
@@ -145,7 +145,7 @@ class Taker:
 
     def run(
         self, task: object, jobs: Iterable[tuple[object, ...]], stop: object
-    ) -> "Iterator[list[Finished]]":
+    ) -> "Iterator[list[FinishedRun]]":
         """Take all jobs, then end the sweep."""
         del task, stop
         for job in jobs:

@@ -27,7 +27,7 @@ def plain_runs(sweep: Path) -> list[PlainRun]:
     model.write_text(text.replace('count="10"', f'count="{boxes}"'), encoding="utf-8")
     runs: list[PlainRun] = []
     for row, run in enumerate(resolved):
-        edits = run.edits()
+        edits = run.list_edits()
         solref = edits.pop("solref", None)
         assert not edits, f"the plain runs cannot set {', '.join(edits)}"
         assert solref is None or isinstance(solref, tuple)

@@ -19,7 +19,7 @@ import mujoco
 
 from contactlab.budget.measuring import FINER, WINDOW
 from contactlab.budget.motion import motion_of_run
-from contactlab.budget.windows import cut
+from contactlab.budget.windows import cut_windows
 from contactlab.engines import PreparedRuns
 from contactlab.engines.mujoco_batch import driven_inputs, start_batch
 from contactlab.scene.scene import Scene
@@ -80,7 +80,7 @@ def least_steps(scene: str) -> float:
     loaded = Scene.open(scene)
     assert loaded.source.manifest is not None
     runs = PreparedRuns.of(loaded, loaded.resolve({}, 0, loaded.source.manifest.duration))
-    length, begins = cut(motion_of_run(runs.models[0], runs.starts, 0, runs.steps), WINDOW)
+    length, begins = cut_windows(motion_of_run(runs.models[0], runs.starts, 0, runs.steps), WINDOW)
     return 1 + FINER * (length + 1) * len(begins) / runs.steps
 
 

@@ -90,7 +90,7 @@ def measure(what: str, file: Path) -> None:
         from contactlab.run.recomputed_runs import recomputed_problems  # noqa: PLC0415
         from contactlab.store.finished_store import Store  # noqa: PLC0415
 
-        problems = list(recomputed_problems(Store.unchecked(store)))
+        problems = list(recomputed_problems(Store.open_unchecked(store)))
     else:
         from contactlab.store.verify_store import find_problems  # noqa: PLC0415
 

@@ -30,7 +30,7 @@ from contactlab.plan.overrides import Overrides
 from contactlab.run import sweep_runner
 from contactlab.run.planned_runs import Preparer
 from contactlab.run.sweep_request import read_request
-from contactlab.run.tasks import Finished, Job, Task
+from contactlab.run.tasks import FinishedRun, Job, Task
 from contactlab.run.worker import Worker
 from contactlab.scene.scene import Scene
 
@@ -46,7 +46,7 @@ def jobs_of(sweep: Path, store: Path, changes: Iterable[str]) -> tuple[Task, lis
     """Return the task of a sweep, and the jobs that its workers would be given."""
     asked: list[tuple[Task, list[Job]]] = []
 
-    def keep(task: Task, jobs: Iterable[Job], *_: object) -> list[list[Finished]]:
+    def keep(task: Task, jobs: Iterable[Job], *_: object) -> list[list[FinishedRun]]:
         asked.append((task, list(jobs)))
         raise StoppedError("asked for jobs alone")
 

@@ -14,7 +14,7 @@ from typing import Any
 import contactlab.plugin  # noqa: F401 - fills the registries  # pyright: ignore[reportUnusedImport]
 from contactlab.command_line.declaration import TITLES, Command
 from contactlab.command_line.modules import command_modules, commands_of
-from contactlab.command_line.parser import typed
+from contactlab.command_line.parser import adapt_command
 from contactlab.measure import LABELS, METRICS, THRESHOLDS
 from contactlab.modifications.catalogue import CATALOGUE
 from contactlab.modifications.modification import Modification
@@ -85,7 +85,7 @@ def list_commands() -> Iterator[str]:
 def list_command(command: Command, shared: Iterable[CommandOption]) -> Iterator[str]:
     """Yield usage, summary and own options of a command."""
     summary = (command.function.__doc__ or "").partition("\n")[0]
-    parameters = typed(command).__dict__["__signature__"].parameters.values()
+    parameters = adapt_command(command).__dict__["__signature__"].parameters.values()
     arguments = [each for each in parameters if not getattr(each.default, "param_decls", None)]
     usage = " ".join([command.name, *(each.default.metavar for each in arguments)])
     yield f"\n### {command.name}\n\n`{usage}` {summary}\n"
@@ -103,7 +103,7 @@ def list_command(command: Command, shared: Iterable[CommandOption]) -> Iterator[
 
 def read_options(command: Command) -> Iterator[CommandOption]:
     """Yield the options of a command."""
-    for name, parameter in typed(command).__dict__["__signature__"].parameters.items():
+    for name, parameter in adapt_command(command).__dict__["__signature__"].parameters.items():
         option = parameter.default
         flags = getattr(option, "param_decls", None)
         if flags and flags[-1] != "--format":

@@ -18,7 +18,7 @@ from hypothesis import settings
 
 if TYPE_CHECKING:
     from contactlab.run.sweep_request import SweepRequest
-    from contactlab.run.tasks import Finished
+    from contactlab.run.tasks import FinishedRun
     from contactlab.schema.evidence import StoreManifest
     from contactlab.store.objects.client import ObjectClient
     from contactlab.store.store_files import ObjectAddress
@@ -216,7 +216,7 @@ class Sweeper:
         text: str,
         name: str = "store",
         workers: int = 0,
-        progress: "Callable[[Sequence[Finished]], None]" = lambda _: None,
+        progress: "Callable[[Sequence[FinishedRun]], None]" = lambda _: None,
         *,
         repair: bool = False,
     ) -> "StoreManifest":

@@ -136,9 +136,9 @@ def test_a_command_is_loaded_by_its_name(name: CommandModule) -> None:
 
 
 EMPTY = """
-from contactlab.plugins import extensions
+from contactlab.plugins import find_extensions
 try:
-    extensions("viewer")
+    find_extensions("viewer")
 except RuntimeError as error:
     print(error)
 """
@@ -166,7 +166,8 @@ def test_an_empty_registry_says_how_it_is_filled(tmp_path: Path) -> None:
 def test_every_entry_registers_the_parts(entry: str, tmp_path: Path) -> None:
     if "gymnasium" in entry and importlib.util.find_spec("gymnasium") is None:
         pytest.skip("gymnasium is not installed")
-    code = f"{entry}\nfrom contactlab.plugins import extensions\nprint(*extensions('viewer'))"
+    reading = "from contactlab.plugins import find_extensions\nprint(*find_extensions('viewer'))"
+    code = f"{entry}\n{reading}"
     assert printed(code, tmp_path).split() == ["gif", "mcap", "mp4", "png", "rrd", "svg", "window"]
 
 

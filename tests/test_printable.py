@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from contactlab.printable import in_markdown, in_one_line, printable, visible
 from contactlab.schema.finding import Finding, RunPair
 from contactlab.writers import WRITERS, Report, Section, as_text
-from contactlab.writers.github import annotations
+from contactlab.writers.github import write_annotations
 
 TERMINAL = ("\n", "\r", " ", "\x1b[31m", "\x9b2J", "\u202e", "\u2066", "\u2028", "\ud800")
 MARKUP = ("@admin", "#12", "https://evil.example", "|", "`", "<script>", "&#64;me", "%0A", "]]>")
@@ -95,7 +95,7 @@ def hostile_report(text: str) -> Report:
 def test_annotations_are_shown_or_counted(count: int) -> None:
     """A step shows ten of a kind: what is not shown is counted in the last."""
     messages = [f"message {number}" for number in range(count)]
-    errors = [line for line in annotations("a", messages, []).splitlines() if "error" in line]
+    errors = [line for line in write_annotations("a", messages, []).splitlines() if "error" in line]
     assert len(errors) <= 10
     counted = [re.search(r"::and ([\d,]+) more", line) for line in errors]
     more = sum(int(found[1].replace(",", "")) for found in counted if found)

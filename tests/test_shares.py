@@ -12,7 +12,7 @@ from scipy.stats import binom, binomtest
 
 from contactlab.shares import (
     all_good,
-    anytime,
+    anytime_interval,
     evidence_against,
     paired_chance,
     paired_difference,
@@ -20,7 +20,7 @@ from contactlab.shares import (
     pairs_to_tell,
     runs_to_tell,
     unpaired_difference,
-    wilson,
+    wilson_interval,
 )
 
 COUNTS = st.integers(1, 400).flatmap(lambda runs: st.tuples(st.integers(0, runs), st.just(runs)))
@@ -45,7 +45,7 @@ def test_the_interval_has_the_shares_without_evidence_against_them(
     counts: tuple[int, int], sure: float
 ) -> None:
     good, runs = counts
-    low, high = anytime(good, runs, sure)
+    low, high = anytime_interval(good, runs, sure)
     assert 0 <= low <= good / runs <= high <= 1
     limit = -math.log1p(-sure)
     for edge, outer in ((low, 0.0), (high, 1.0)):
@@ -77,18 +77,18 @@ def test_wilsons_exact_coverage_is_that_of_its_name() -> None:
     shares = np.linspace(0.02, 0.98, 193)[:, None]
     for runs in (20, 35, 50, 100, 200):
         counts = np.arange(runs + 1)
-        low, high = np.transpose([wilson(good, runs) for good in counts.tolist()])
+        low, high = np.transpose([wilson_interval(good, runs) for good in counts.tolist()])
         chances = binom.pmf(counts, runs, shares)
         covered = (chances * ((low <= shares) & (shares <= high))).sum(axis=1)
         assert 0.949 < covered.mean() < 0.955
         assert covered.min() > 0.89
         ends = [binomtest(good, runs).proportion_ci(method="wilson") for good in (0, 7, runs)]
-        own = [wilson(good, runs) for good in (0, 7, runs)]
+        own = [wilson_interval(good, runs) for good in (0, 7, runs)]
         assert np.allclose(own, [(end.low, end.high) for end in ends], atol=1e-12)
 
 
 def test_nothing_is_known_without_runs() -> None:
-    assert anytime(0, 0) == (0.0, 1.0)
+    assert anytime_interval(0, 0) == (0.0, 1.0)
 
 
 PAIRED = st.tuples(st.integers(0, 40), st.integers(0, 40), st.integers(1, 60)).map(
@@ -153,7 +153,7 @@ def test_wilsons_interval(counts: tuple[int, int]) -> None:
     """Against SciPy's."""
     good, runs = counts
     exact = binomtest(good, runs).proportion_ci(method="wilson")
-    low, high = wilson(good, runs)
+    low, high = wilson_interval(good, runs)
     assert (low, high) == pytest.approx((exact.low, exact.high), abs=1e-9)
     assert (low == 0, high == 1) == (good == 0, good == runs)
 
@@ -210,7 +210,7 @@ def test_all_of_some_runs_are_good() -> None:
 
 def test_the_interval_of_several_good_ones_in_a_row_holds() -> None:
     """Of one setting as often as Wilson's does; of 2,000 draws of four settings in 95 % or more."""
-    low, high = wilson(29, 40)
+    low, high = wilson_interval(29, 40)
     assert all_good(3, [(29, 40)])[1:] == pytest.approx((low**3, high**3))
     shares = (0.9, 0.8, 0.6, 0.3)
     truth = np.mean(np.power(shares, 3))

@@ -14,7 +14,7 @@ from typing import Any
 
 import contactlab
 from contactlab.printable import in_markdown
-from contactlab.writers.github import annotations
+from contactlab.writers.github import write_annotations
 
 MOST_CELLS = 12  # a side of the map
 SQUARES = "🟥🟧🟨🟪🟦🟫⬛"
@@ -123,7 +123,7 @@ def placed_annotations(sweep: str, failures: Sequence[tuple[str, str]]) -> Itera
     file = Path(sweep)
     lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []
     keys = {"expectations still met": "expect", "tolerances still met": "tolerances"}
-    shown = annotations("contactlab", [message for _, message in failures], []).splitlines()
+    shown = write_annotations("contactlab", [message for _, message in failures], []).splitlines()
     for annotation, (name, _) in zip(shown, failures, strict=False):
         place = f"file={_property(sweep)},line={_line(lines, keys.get(name, 'scene'))},"
         yield annotation.replace("::error ", f"::error {place if lines else ''}", 1)

@@ -92,9 +92,9 @@ def __getattr__(name: str) -> "Any":  # noqa: ANN401 - each function has a type 
     register_parts()
     if name not in __all__:
         # A command that another package adds.
-        from contactlab.plugins import extensions
+        from contactlab.plugins import find_extensions
 
-        extension = None if name.startswith("_") else extensions("command").get(name)
+        extension = None if name.startswith("_") else find_extensions("command").get(name)
         if extension is None:
             from contactlab.command_line.front_door import replacement_of
 

@@ -27,7 +27,7 @@ GROUPS = {f"contactlab.{kind}s": kind for kind in ("metric", "label", "oracle", 
 """Entry-point groups, with the kind of entry that each adds."""
 
 
-def extensions(kind: str) -> dict[str, Part | EntryPoint]:
+def find_extensions(kind: str) -> dict[str, Part | EntryPoint]:
     """Return the extensions of a kind by name: `command`, `schema`, `viewer`, ...
 
     These are contactlab's own parts and those of installed packages. They are loaded on request,

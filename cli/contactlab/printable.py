@@ -6,7 +6,6 @@ the direction of reading; commands of a CI job, which are lines of its log; mark
 
 import re
 import shlex
-import textwrap
 from collections.abc import Callable, Sequence
 
 # All control characters but tabs and line ends, marks of direction, other line ends, surrogates.
@@ -17,8 +16,6 @@ _CONTROL = re.compile(
 _COMMAND = re.compile(r"^(?P<start>[^\S\n]*):(?=:)|#(?=#\[)", re.MULTILINE)
 Replacer = Callable[[str], str]
 """Returns the text to write instead of another one: for an address, its geom's body."""
-COLUMNS = 80
-"""Width of a report, whatever shows it."""
 _MARKUP = "\\|`*_<>[]~$"
 # GitHub looks for these in the text that is left when the markup is gone.
 _REFERENCE = re.compile(r"[@#]|:(?=//)|\bwww(?=\.)|\bGH(?=-)", re.IGNORECASE)
@@ -58,7 +55,7 @@ def _escape_character(match: re.Match[str]) -> str:
     return f"\\u{ord(match[0][-1]):04x}"
 
 
-def shortened(lines: Sequence[str], most: int, rest: str) -> list[str]:
+def shorten_lines(lines: Sequence[str], most: int, rest: str) -> list[str]:
     """Return the first lines, and a last one that says where the rest of them is."""
     more = len(lines) - most
     return list(lines) if more <= 0 else [*lines[:most], f"and {more} more in {rest}"]
@@ -72,18 +69,6 @@ def first_names(line: str) -> str:
     more = len(names) - most_names
     rest = [f"and {more} more"] if more > 0 else []
     return f"{kind}: {', '.join([*names[:most_names], *rest])}"
-
-
-def wrapped(text: str, indent: str = "") -> list[str]:
-    """Return a text in lines of 80 columns, all but the first indented by two more."""
-    return textwrap.wrap(
-        text,
-        COLUMNS,
-        initial_indent=indent,
-        subsequent_indent=f"{indent}  ",
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
 
 
 def shell_word(text: object) -> str:

@@ -82,16 +82,14 @@ def limited_memory(most_bytes: int) -> Generator[None]:
         yield
         return
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
-    limits = [pages * resource.getpagesize() + most_bytes, *_select_finite(soft, hard)]
-    resource.setrlimit(resource.RLIMIT_AS, (min(limits), hard))
+    # RLIM_INFINITY is negative.
+    finite = [limit for limit in (soft, hard) if limit >= 0]
+    lowest = min([pages * resource.getpagesize() + most_bytes, *finite])
+    resource.setrlimit(resource.RLIMIT_AS, (lowest, hard))
     try:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
-
-
-def _select_finite(*limits: int) -> list[int]:
-    return [limit for limit in limits if limit >= 0]  # RLIM_INFINITY is negative
 
 
 def _limit_of_process(name: str) -> float:

@@ -9,12 +9,12 @@ _Z = 1.959963984540054  # 95 % of a normal distribution lie within this distance
 _Z_POWER = 0.8416212335729143  # 80 % of it lie below
 
 
-def wilson(good: int, runs: int) -> tuple[float, float]:
+def wilson_interval(good: int, runs: int) -> tuple[float, float]:
     """Return the interval of 95 % of a share of runs that were counted once.
 
     The score interval of E. B. Wilson, "Probable inference, the law of succession, and statistical
     inference", 1927: the shares p at a distance of at most z sqrt(p (1 - p) / n) from the observed
-    one. Who looks again and again, and stops where it suits, needs `anytime`.
+    one. Who looks again and again, and stops where it suits, needs `anytime_interval`.
     """
     share, weight = good / runs, _Z * _Z / runs
     centre = (share + weight / 2) / (1 + weight)
@@ -23,7 +23,7 @@ def wilson(good: int, runs: int) -> tuple[float, float]:
     return centre - reach if good else 0.0, centre + reach if good < runs else 1.0
 
 
-def anytime(good: int, runs: int, sure: float = SURE) -> tuple[float, float]:
+def anytime_interval(good: int, runs: int, sure: float = SURE) -> tuple[float, float]:
     """Return the interval of a share that holds at all numbers of runs at once.
 
     A share p is left out once 1 / ((n + 1) C(n, k) p^k (1 - p)^(n - k)), the likelihood of k of n
@@ -175,7 +175,7 @@ def unpaired_difference(good: int, runs: int, were: int, of: int) -> tuple[float
     proportions", 1998, method 10.
     """
     share, before = good / runs, were / of
-    (low, high), (least, most) = wilson(good, runs), wilson(were, of)
+    (low, high), (least, most) = wilson_interval(good, runs), wilson_interval(were, of)
     down, up = math.hypot(share - low, most - before), math.hypot(high - share, before - least)
     return share - before - down, share - before + up
 
@@ -203,6 +203,6 @@ def all_good(times: int, counts: Sequence[tuple[int, int]]) -> tuple[float, floa
     several it is the mean, and its ends are means of ends, which is wider than needed.
     """
     shares = [math.comb(good, times) / math.comb(runs, times) for good, runs in counts]
-    lows, highs = zip(*(wilson(good, runs) for good, runs in counts), strict=True)
+    lows, highs = zip(*(wilson_interval(good, runs) for good, runs in counts), strict=True)
     low, high = (fmean(end**times for end in ends) for ends in (lows, highs))
     return fmean(shares), low, high

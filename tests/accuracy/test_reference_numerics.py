@@ -80,7 +80,7 @@ def reference(scene: Scene, values: dict[str, Any], seed: int = 0) -> str:
 
 
 def known(scene: Scene, values: dict[str, Any]) -> bool:
-    return all(scene.catalogue.find(name) is not None for name in values)
+    return all(scene.catalogue.find_axis(name) is not None for name in values)
 
 
 @pytest.mark.parametrize("values", DISCRETISING, ids=str)

@@ -214,7 +214,9 @@ def attack(folder: Path, count: int, seed: int) -> Attack:
 def judge_against(bent: Path, store: Path) -> str:
     """Return what became of a bent copy of a store."""
     outcome = judge(bent, meaning(store))
-    if outcome == "undetected" and left_out(Store.unchecked(bent)) != left_out(Store.open(store)):
+    if outcome == "undetected" and left_out(Store.open_unchecked(bent)) != left_out(
+        Store.open(store)
+    ):
         return OUTCOMES[4]
     if (
         outcome == "undetected"

@@ -9,7 +9,7 @@ import pytest
 from contactlab.budget import Motion
 from contactlab.budget.counted_time import WorkLimit, count_pace
 from contactlab.budget.motion import INTEGRATION
-from contactlab.budget.windows import replay
+from contactlab.budget.windows import replay_motion
 
 STEPS, SEEDS = 50, 3
 
@@ -33,7 +33,7 @@ def test_a_limit_falls_by_the_simulated_steps(integrator: str) -> None:
     limit = WorkLimit(100.0)
     count_pace([motion])
     before = limit.find_remainder(1.0, [motion])
-    replay(motion, 0.04, 1)
+    replay_motion(motion, 0.04, 1)
     done = (before - limit.find_remainder(1.0, [motion])) / count_pace([motion])
     # One more step of each seed shows the forces at its end.
     assert done == pytest.approx(SEEDS * (STEPS + 1))

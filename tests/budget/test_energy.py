@@ -7,7 +7,7 @@ import pytest
 from tests.budget_motions import motion_of
 
 from contactlab.budget import Settings, error_budget, judge
-from contactlab.budget.defects import drift, energy_defects, settled
+from contactlab.budget.defects import energy_defects, find_drift, settle_defects
 
 PENDULUM = """<mujoco><option timestep="{h}" integrator="RK4"/><worldbody><body pos="0 0 2">
 <joint axis="0 1 0"/><geom type="capsule" fromto="0 0 0 .5 0 0" size=".02"/></body></worldbody>
@@ -49,7 +49,7 @@ def test_what_rk4_takes_of_a_spring_is_found(rate: float) -> None:
     phase = error_budget([motion_of(xml, seconds, qpos=[0.1])], rows=[], settings=PLAIN).phases[0]
     kept = left ** (4 * np.arange(1, 101))
     lost = np.asarray(np.diff(kept, prepend=1.0), np.float64)
-    expected = drift(lost)
+    expected = find_drift(lost)
     # A window sees its peaks where a step falls: cos^2 of half a step off, at most.
     assert phase.energy_drift == pytest.approx(expected, rel=np.sin(rate / 2) ** 2)
     assert phase.energy_drift < -0.1
@@ -79,7 +79,7 @@ def test_a_damper_that_rk4_cannot_take_is_no_fault_of_the_run(damping: float) ->
 )
 def test_a_drift_is_what_stays(parts: np.ndarray, expected: float) -> None:
     # A mean of 30 of what swings by .2, a radian a window, is at most .2 / (30 sin .5).
-    assert drift(parts) == pytest.approx(expected, abs=1.5 * 2 * 0.2 / (30 * np.sin(0.5)))
+    assert find_drift(parts) == pytest.approx(expected, abs=1.5 * 2 * 0.2 / (30 * np.sin(0.5)))
 
 
 def test_what_slack_forgives_is_taken_off_the_next_window() -> None:
@@ -87,9 +87,9 @@ def test_what_slack_forgives_is_taken_off_the_next_window() -> None:
     ends, around = np.array([5.0, 5.0]), np.array([[10.0, 10.0, 5.0], [5.0, 7.0, 7.0]])
     found = energy_defects(ends, around)
     np.testing.assert_array_equal(found, [[0, -5], [0, -2]])
-    np.testing.assert_array_equal(settled(np.array([[0, -5.0], [2, 0]])), [0, 0])
-    np.testing.assert_array_equal(settled(np.array([[0, -5.0], [7, 0]])), [0, 2])
-    np.testing.assert_array_equal(settled(np.array([[0, -5.0], [-2, 0]])), [0, -2])
+    np.testing.assert_array_equal(settle_defects(np.array([[0, -5.0], [2, 0]])), [0, 0])
+    np.testing.assert_array_equal(settle_defects(np.array([[0, -5.0], [7, 0]])), [0, 2])
+    np.testing.assert_array_equal(settle_defects(np.array([[0, -5.0], [-2, 0]])), [0, -2])
 
 
 def test_no_gain_hides_the_loss_of_another_seed() -> None:

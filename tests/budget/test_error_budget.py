@@ -378,9 +378,11 @@ def test_no_bit_depends_on_the_looks_before() -> None:
     rows = [row for row in list_rows() if row.name in ("solver", "contact softness")]
     one = replace(motion, starts=motion.starts[:1], inputs=motion.inputs[:1])
     alone = PhaseMeasure(one, rows, settings)
-    begun = PhaseMeasure(motion, rows, settings, begun=alone.looked)
+    begun = PhaseMeasure(motion, rows, settings, begun=alone.first_pass)
     assert np.isnan(begun.first_look().upper_bound)
-    assert repr(begun.budget()) == repr(PhaseMeasure(motion, rows, settings).budget())
+    assert repr(begun.measure_budget()) == repr(
+        PhaseMeasure(motion, rows, settings).measure_budget()
+    )
 
 
 def test_windows_cover_every_step() -> None:
@@ -447,14 +449,14 @@ def test_equal_models_of_several_rows_are_rolled_out_once(
     motion, rolls = walker(0.01), list[int]()
     wanted = [row for row in list_rows() if row.name in ("step", "solver")]
 
-    roll = Windows.roll
+    roll = Windows.roll_out
 
     def count_rolls(self: Windows, model: mujoco.MjModel, rate: int, **options: Any) -> Any:
         rolls.append(rate)
         return roll(self, model, rate, **options)
 
     monkeypatch.setattr(Windows, "roll", count_rolls)
-    both = PhaseMeasure(motion, wanted, PLAIN).budget()
+    both = PhaseMeasure(motion, wanted, PLAIN).measure_budget()
     assert rolls == [4, 1], "the reference, and the run with a converged solver"
     for row, reading in zip(wanted, both.rows, strict=True):
         (alone,) = measured(motion, rows=[row.name]).rows

@@ -29,14 +29,14 @@ from contactlab.budget import (
 from contactlab.budget.field_changes import build_candidate
 from contactlab.budget.fixes import (
     candidates_against,
-    changed,
-    further,
-    sentence,
+    change_motion,
+    describe_reason,
+    list_further_candidates,
 )
 from contactlab.budget.measuring import PhaseMeasure
 from contactlab.budget.time_ratios import measure_time_ratios
 from contactlab.budget.verdict import Verdict
-from contactlab.budget.windows import replay
+from contactlab.budget.windows import replay_motion
 from contactlab.modifications.catalogue import list_candidates
 from contactlab.modifications.contacts import MARGIN
 from contactlab.modifications.modification import Candidate
@@ -64,7 +64,7 @@ def test_an_unstable_servo_is_removed_by_what_damps_it_implicitly() -> None:
     assert price is not None
     assert price.low <= price.ratio <= price.high
     assert verdict.reasons[0].place == "joint left_knee"
-    assert "; fix: " in sentence(verdict.reasons[0], list(tried.values()))
+    assert "; fix: " in describe_reason(verdict.reasons[0], list(tried.values()))
 
 
 @pytest.fixture(name="held")
@@ -95,7 +95,7 @@ def test_a_finer_step_is_named_where_it_alone_helps(held: list[int]) -> None:
     (only,) = try_fixes([motion], verdict, candidates=few, trial=Trial(FAST))
     assert (only.name, only.removes) == ("half the step", True)
     assert only.error < 0.1
-    assert "; fix: half the step" in sentence(verdict.reasons[0], [only])
+    assert "; fix: half the step" in describe_reason(verdict.reasons[0], [only])
     assert len(held) > 1
     assert not any(held)
 
@@ -195,7 +195,7 @@ def test_a_rotor_on_gimbals_is_computed_by_fine_steps_of_runge_kutta() -> None:
         xml.replace("/></body>", ' contype="0"/></body>'), 0.04, qvel=[0.5, 0.5, 250]
     )
     assert judge(error_budget([motion], rows=[], settings=FAST)).word != "ok"
-    few = [*further()]
+    few = [*list_further_candidates()]
     assert {one.name: one.rate for one in few} == {
         "implicitfast at a quarter of the step": 4,
         "implicitfast at an eighth of the step": 8,
@@ -207,7 +207,7 @@ def test_a_rotor_on_gimbals_is_computed_by_fine_steps_of_runge_kutta() -> None:
         "1/64 of the step": 64,
     }
     (finest,) = (one for one in few if one.name == "RK4 at a sixteenth of the step")
-    budget = error_budget([changed(motion, finest)], rows=[], settings=FAST)
+    budget = error_budget([change_motion(motion, finest)], rows=[], settings=FAST)
     assert judge(budget).word == "ok"
 
 
@@ -244,7 +244,7 @@ def test_what_a_step_does_not_hold_is_tried_stiffer_after_finer_steps() -> None:
 
     def moved(candidate: Candidate) -> list[list[Motion]]:
         tried.append(candidate.name)
-        return [[changed(motion, candidate)]]
+        return [[change_motion(motion, candidate)]]
 
     verdict = Verdict("depends", 0.1, (reason,))
     try_fixes([motion], verdict, candidates=some, trial=Trial(FAST, list_motions=moved))
@@ -282,9 +282,9 @@ def test_half_the_step_costs_twice_the_time() -> None:
     motion = walker(seconds=0.4)
     model = copy.copy(motion.model)
     model.opt.timestep /= 2
-    price = measure_time_ratios(motion, replay(motion, 0.04, 1), {"half": (lambda: model, 2)})[
-        "half"
-    ]
+    price = measure_time_ratios(
+        motion, replay_motion(motion, 0.04, 1), {"half": (lambda: model, 2)}
+    )["half"]
     assert price.ratio == pytest.approx(2, rel=0.15)
     assert price.low <= price.ratio <= price.high
 

@@ -13,7 +13,7 @@ from contactlab.budget.restarts import (
     subsample_windows,
     whole_windows,
 )
-from contactlab.budget.windows import replay
+from contactlab.budget.windows import replay_motion
 
 PUSHED = """<mujoco><worldbody><body><joint name="x" type="slide"/><geom size=".1"/></body>
 </worldbody><actuator><motor joint="x"/></actuator></mujoco>"""
@@ -29,7 +29,7 @@ def pushed(steps: int) -> Motion:
 
 @given(st.integers(5, 60), st.integers(1, 20))
 def test_whole_windows_cover_each_step_at_most_once(steps: int, length: int) -> None:
-    run = replay(pushed(steps), length * 0.002, 1)
+    run = replay_motion(pushed(steps), length * 0.002, 1)
     whole = run.begins[whole_windows(run)]
     assert whole.tolist() == [*range(0, steps - run.steps + 1, run.steps)]
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from contactlab.__main__ import main
 from contactlab.command_line.terminal import ProgressDisplay, Terminal
-from contactlab.run.tasks import Finished
+from contactlab.run.tasks import FinishedRun
 from contactlab.step_progress import StepCount, finished_share
 
 show_steps, advance = Terminal.show_steps, ProgressDisplay.advance
@@ -20,7 +20,7 @@ def show_slowly(self: Terminal, nested: Sequence[StepCount]) -> None:
     time.sleep(1.0 if finished_share(nested) else 0.15)
 
 
-def advance_slowly(self: ProgressDisplay, finished: Sequence[Finished]) -> None:
+def advance_slowly(self: ProgressDisplay, finished: Sequence[FinishedRun]) -> None:
     """Count runs; a second after the first ones their rate is known, and drawn at the next ones."""
     advance(self, finished)
     if finished:

@@ -16,10 +16,10 @@ from typer.testing import CliRunner
 import contactlab
 import contactlab.commands
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Command, Option, command, declared
+from contactlab.command_line.declaration import Command, Option, command, find_command
 from contactlab.command_line.main import command_line
 from contactlab.command_line.modules import command_modules, commands_of
-from contactlab.command_line.parser import typed
+from contactlab.command_line.parser import adapt_command
 from contactlab.errors import EngineError, SweepFileError
 
 COMMANDS = {each.name: each for name in command_modules() for each in commands_of(name)}
@@ -64,7 +64,7 @@ def read(declared_command: Command, *words: str) -> dict[str, Any]:
         formats=dict.fromkeys(declared_command.formats, lambda *_: None),
         failure=lambda *_: None,
     )
-    app.command()(typed(silent))
+    app.command()(adapt_command(silent))
     done = CliRunner().invoke(app, list(words), catch_exceptions=False)
     assert done.exit_code == 0, done.output
     (found,) = calls
@@ -90,7 +90,7 @@ def test_python_has_the_very_function_that_the_command_line_calls(words: str) ->
     else:
         found = attrgetter(words.replace(" ", "."))(contactlab)
     assert found is COMMANDS[words].function
-    assert declared(found) is COMMANDS[words]
+    assert find_command(found) is COMMANDS[words]
 
 
 @pytest.mark.parametrize("words", COMMANDS)
@@ -176,7 +176,7 @@ def test_a_parameter_that_is_not_described_is_refused() -> None:
         del bell, times
 
     with pytest.raises(TypeError, match="bell"):
-        typed(declared(ring))
+        adapt_command(find_command(ring))
 
 
 @pytest.mark.long

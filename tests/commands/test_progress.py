@@ -15,12 +15,12 @@ from rich.text import Text
 
 from contactlab.command_line import terminal as module
 from contactlab.command_line.terminal import ProgressDisplay, progress_display
-from contactlab.run.tasks import Finished
+from contactlab.run.tasks import FinishedRun
 
 # What rich does by default.
 _DRAWN_PER_SECOND = 4
 LABELS = ("stable", "chatter", "tunneling")
-DONE = [[Finished(b"", label, "ok", None)] for label in LABELS]
+DONE = [[FinishedRun(b"", label, "ok", None)] for label in LABELS]
 
 
 class Clock:
@@ -121,7 +121,7 @@ def test_a_pass_over_finished_runs_has_its_name(clock: Clock) -> None:
     display.advance(DONE[0] * 24)
     display.begin(24, 6, "errors")
     clock.now += 2.0
-    display.advance([Finished(b"", "errors", "ok", None)] * 6)
+    display.advance([FinishedRun(b"", "errors", "ok", None)] * 6)
     assert out.getvalue() == "6 of 24 errors are stored already\n"
     assert "█ errors" not in display.line().plain
     assert "░ errors 12 of 24  3/s  0:04 left" in display.line().plain

@@ -15,11 +15,11 @@ import sys
 from pathlib import Path
 
 sys.modules["mujoco"] = None
-from contactlab.comparison.compare_stores import compare
+from contactlab.comparison.compare_stores import compare_stores
 from contactlab.comparison.report import report_of
 from contactlab.writers import as_junit, as_markdown, as_text
 
-report = compare(Path(sys.argv[1]), Path(sys.argv[2]))
+report = compare_stores(Path(sys.argv[1]), Path(sys.argv[2]))
 assert as_text(report_of(report)) and as_markdown(report_of(report)) and as_junit(report_of(report))
 loaded = {"contactlab.run", "contactlab.scene", "contactlab.engines", "scipy"} & set(sys.modules)
 print(report.verdict, sorted(loaded))

@@ -133,7 +133,7 @@ def test_ratios_to_zero() -> None:
 @given(st.lists(st.sampled_from(range(len(NAMES)))))
 def test_a_fold_is_the_worst_and_counts_add_up(codes: list[int]) -> None:
     verdicts = np.array(codes, dtype=np.int8)
-    assert Subject("check", "metrics", "gate").finding(verdicts, "").verdict == (
+    assert Subject("check", "metrics", "gate").make_finding(verdicts, "").verdict == (
         NAMES[max(codes)] if codes else "same"
     )
     assert sum(verdict_counts(verdicts).values()) == len(codes)

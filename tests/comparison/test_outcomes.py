@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.comparison.compare_stores import compare
+from contactlab.comparison.compare_stores import compare_stores
 from contactlab.comparison.report import report_of
 from contactlab.errors import PolicyError, StoreError
 from contactlab.judge.wording import with_interval
@@ -35,7 +35,7 @@ def outcome(many: Runs, stored: Stored) -> Callable[..., Finding | None]:
             return stored(f"store {next(numbers)}", given)
 
         policy = ComparePolicy.model_validate({"version": 1, "match": match, "outcomes": rules})
-        report = compare(written(before), written(after, cases), policy)
+        report = compare_stores(written(before), written(after, cases), policy)
         return next((each for each in report.findings if each.kind == "outcomes"), None)
 
     return compared
@@ -78,7 +78,7 @@ def test_the_answer_is_told_where_nothing_fails(many: Runs, stored: Stored) -> N
     given = many(CASES)
     given.label(0, "chatter")
     policy = ComparePolicy.model_validate({"version": 1, "outcomes": {"good": "stable"}})
-    report = compare(stored("one", many(CASES)), stored("other", given), policy)
+    report = compare_stores(stored("one", many(CASES)), stored("other", given), policy)
     told = [text for name, text in report_of(report).facts if name == "outcomes"]
     (finding,) = (each for each in report.findings if each.kind == "outcomes")
     assert told == [f"no less stable: {finding.message}"]
@@ -128,7 +128,7 @@ def test_a_control_takes_the_place_of_the_baseline(many: Runs, stored: Stored) -
     moved, kept = of("moved", range(24)), of("kept", range(12))
 
     def outcomes(control: Path | None) -> dict[str, Finding]:
-        report = compare(before, after, policy, control=control)
+        report = compare_stores(before, after, policy, control=control)
         assert (report.control is None) == (control is None)
         return {each.name: each for each in report.findings if each.kind == "outcomes"}
 
@@ -144,7 +144,7 @@ def test_a_control_takes_the_place_of_the_baseline(many: Runs, stored: Stored) -
     assert found["no less stable"].verdict == "worse"
     assert found["control as the baseline"].verdict == "same"
     with pytest.raises(PolicyError, match="the same store"):
-        compare(before, after, policy, control=before)
+        compare_stores(before, after, policy, control=before)
 
 
 def test_pass_k_is_of_settings_where_each_has_so_many_runs(outcome: Callable[..., Finding]) -> None:

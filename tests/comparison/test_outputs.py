@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.command_line.judgements import files_to_write, publish
-from contactlab.comparison.compare_stores import compare, unreadable_report
+from contactlab.comparison.compare_stores import compare_stores, unreadable_report
 from contactlab.comparison.report import report_of
 from contactlab.errors import OutputError, StoreError
 from contactlab.printable import visible
@@ -23,7 +23,7 @@ from contactlab.schema.comparison import ComparePolicy, ComparisonReport, PairCo
 from contactlab.schema.finding import Finding, RunPair
 from contactlab.schema.json_schemas import json_schemas
 from contactlab.writers import as_annotations, as_junit, as_markdown, as_text
-from contactlab.writers.github import annotations
+from contactlab.writers.github import write_annotations
 
 XSD = xmlschema.XMLSchema(Path(__file__).with_name("junit.xsd"))
 Runs = Callable[[], Any]
@@ -41,12 +41,12 @@ def worse(baseline: Path, runs: Runs, stored: Stored) -> ComparisonReport:
     given_runs.versions["slip"] = 2
     host = given_runs.provenance.host.model_copy(update={"cpu_model": "another"})
     given_runs.provenance = given_runs.provenance.model_copy(update={"host": host})
-    return compare(baseline, stored("worse", given_runs))
+    return compare_stores(baseline, stored("worse", given_runs))
 
 
 @pytest.fixture
 def same(baseline: Path, runs: Runs, stored: Stored) -> ComparisonReport:
-    return compare(baseline, stored("same", runs()))
+    return compare_stores(baseline, stored("same", runs()))
 
 
 def check_of(text: str, number: int = 0, **changes: Any) -> Finding:
@@ -275,6 +275,6 @@ def test_a_report_that_cannot_be_written_is_an_error(
 
 def test_a_title_ends_no_property_of_an_annotation() -> None:
     """GitHub splits properties at commas, and names from values at colons."""
-    assert annotations("a, b: 5 %", ["50 %, of: it"], []) == (
+    assert write_annotations("a, b: 5 %", ["50 %, of: it"], []) == (
         "::error title=a%2C b%3A 5 %25::50 %25, of: it\n"
     )

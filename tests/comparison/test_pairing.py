@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.comparison.compare_stores import compare
+from contactlab.comparison.compare_stores import compare_stores
 from contactlab.comparison.pairing import pair_keys, round_values
 from contactlab.errors import StoreError
 from contactlab.schema.comparison import ComparePolicy
@@ -44,7 +44,7 @@ def test_another_order_is_no_difference(
     turned.runs = [
         run.model_copy(update={"index": place}) for place, run in enumerate(reversed(turned.runs))
     ]
-    report = compare(baseline, stored("turned", turned))
+    report = compare_stores(baseline, stored("turned", turned))
     assert (report.verdict, report.exit_code, report.pairs.bitwise_equal) == ("same", 0, 8)
 
 
@@ -56,9 +56,9 @@ def test_axes_that_differ_in_the_last_digits(
         axes = {**run.axes, "timestep": run.axes["timestep"] * (1 + 1e-12)}
         other.change(index, run_id=f"{index + 100:016x}", axes=axes)
     with pytest.raises(StoreError, match=r"no run of .* is in .*; .* add --match axes"):
-        compare(baseline, stored("other", other), BY_ID)
-    assert compare(baseline, stored("other2", other), BY_AXES).pairs.paired == 8
-    chosen = compare(baseline, stored("other3", other))
+        compare_stores(baseline, stored("other", other), BY_ID)
+    assert compare_stores(baseline, stored("other2", other), BY_AXES).pairs.paired == 8
+    chosen = compare_stores(baseline, stored("other3", other))
     assert (chosen.match, chosen.pairs.paired) == ("axes", 8)
 
 
@@ -68,7 +68,7 @@ def test_one_common_id_pairs_by_id(
     other = runs()
     for index, _ in enumerate(other.runs[1:], 1):
         other.change(index, run_id=f"{index + 100:016x}")
-    report = compare(baseline, stored("other", other))
+    report = compare_stores(baseline, stored("other", other))
     assert (report.match, report.pairs.paired) == ("id", 1)
     assert report.pairs.missing == report.pairs.new == len(other.runs) - 1
 
@@ -80,14 +80,14 @@ def test_runs_that_axes_do_not_tell_apart(
     other.change(1, axes=other.runs[0].axes)
     message = "0{15}1 and 0{15}2 of the candidate have equal axis values and seed"
     with pytest.raises(StoreError, match=message):
-        compare(baseline, stored("other", other), BY_AXES)
+        compare_stores(baseline, stored("other", other), BY_AXES)
 
 
 def test_seeds_tell_runs_apart(runs: Callable[[], Any], stored: Callable[..., Path]) -> None:
     given_runs = runs()
     given_runs.change(1, axes=given_runs.runs[0].axes, seed=1)
     one, two = (stored(name, given_runs) for name in ("one", "two"))
-    assert compare(one, two, BY_AXES).pairs.paired == 8
+    assert compare_stores(one, two, BY_AXES).pairs.paired == 8
 
 
 def test_other_axes_cannot_be_matched(
@@ -97,7 +97,7 @@ def test_other_axes_cannot_be_matched(
     for index, run in enumerate(other.runs):
         other.change(index, axes={**run.axes, "margin": 1e-3 * index})
     with pytest.raises(StoreError, match="only one of the stores sweeps margin"):
-        compare(baseline, stored("other", other), BY_AXES)
+        compare_stores(baseline, stored("other", other), BY_AXES)
 
 
 def test_an_axis_of_one_value_tells_no_runs_apart(
@@ -107,7 +107,7 @@ def test_an_axis_of_one_value_tells_no_runs_apart(
     other = runs()
     for index, run in enumerate(other.runs):
         other.change(index, axes={**run.axes, "margin": 0.0})
-    report = compare(baseline, stored("other", other), BY_AXES)
+    report = compare_stores(baseline, stored("other", other), BY_AXES)
     assert report.pairs.paired == len(other.runs)
 
 
@@ -123,11 +123,11 @@ def test_stores_of_two_settings_are_compared_and_the_settings_are_told(
             one.change(index, run_id=f"{100 * iterations + index:016x}", axes=axes)
         stores.append(stored(f"of-{iterations}", one))
     of_five, of_fifty = stores
-    report = compare(of_five, of_fifty, BY_AXES)
+    report = compare_stores(of_five, of_fifty, BY_AXES)
     assert report.pairs.paired == len(runs().runs)
     told = {each.what: (each.baseline, each.candidate) for each in report.differences}
     assert told["settings"] == ("iterations 5", "iterations 50")
-    report = compare(baseline, of_five, BY_AXES)
+    report = compare_stores(baseline, of_five, BY_AXES)
     told = {each.what: (each.baseline, each.candidate) for each in report.differences}
     assert told["settings"] == ("iterations by default", "iterations 5")
 
@@ -152,12 +152,12 @@ def test_matching_by_axes_is_advised_where_it_works(
         other.change(index, run_id=f"{index + 100:016x}", **OTHERS[name](run))
     candidate = stored("other", other)
     with pytest.raises(StoreError) as refused:
-        compare(baseline, candidate, BY_ID)
+        compare_stores(baseline, candidate, BY_ID)
     if str(refused.value).endswith("add --match axes"):
-        assert compare(baseline, candidate, BY_AXES).pairs.paired == len(other.runs)
+        assert compare_stores(baseline, candidate, BY_AXES).pairs.paired == len(other.runs)
     else:
         with pytest.raises(StoreError) as again:
-            compare(baseline, candidate, BY_AXES)
+            compare_stores(baseline, candidate, BY_AXES)
         why = re.sub("^no run of .* is in [^:]*: ", "", str(again.value))
         assert str(refused.value).endswith(f"; {why}")
 
@@ -169,7 +169,7 @@ def test_the_axis_without_a_common_value_is_named(
     for index, run in enumerate(other.runs):
         other.change(index, run_id=f"{index + 100:016x}", **OTHERS["no step in common"](run))
     with pytest.raises(StoreError, match="no timestep in common; sweep the same values in both"):
-        compare(baseline, stored("other", other))
+        compare_stores(baseline, stored("other", other))
 
 
 def test_words_and_numbers_cannot_be_matched(
@@ -179,4 +179,4 @@ def test_words_and_numbers_cannot_be_matched(
     for index, run in enumerate(other.runs):
         other.change(index, axes={**run.axes, "timestep": str(run.axes["timestep"])})
     with pytest.raises(StoreError, match="axis 'timestep' is text in one store only"):
-        compare(baseline, stored("other", other), BY_AXES)
+        compare_stores(baseline, stored("other", other), BY_AXES)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.comparison.compare_stores import compare
+from contactlab.comparison.compare_stores import compare_stores
 from contactlab.comparison.report import report_of
 from contactlab.schema.comparison import ComparePolicy, ComparisonReport
 from contactlab.schema.finding import Finding
@@ -31,7 +31,7 @@ def check(report: ComparisonReport, name: str, group: str = "") -> Finding:
 def test_one_flipped_label(baseline: Path, runs: Runs, stored: Stored, labels: list[str]) -> None:
     flipped = runs()
     flipped.label(5, *labels)
-    report = compare(baseline, stored("flipped", flipped))
+    report = compare_stores(baseline, stored("flipped", flipped))
     assert (report.verdict, report.exit_code) == ("worse", 1)
     for label in labels:
         found = check(report, f"no new {label}")
@@ -43,7 +43,7 @@ def test_a_label_that_only_the_column_tells(baseline: Path, runs: Runs, stored: 
     """A table whose list of labels was left as it was is not believed."""
     flipped = runs()
     flipped.change(5, label="diverged")
-    report = compare(baseline, stored("flipped", flipped))
+    report = compare_stores(baseline, stored("flipped", flipped))
     assert check(report, "no new diverged").outcome == "failed"
 
 
@@ -51,7 +51,7 @@ def test_a_milder_label_is_better(runs: Runs, stored: Stored) -> None:
     before, after = runs(), runs()
     before.label(0, "diverged")
     after.label(0, "chatter")
-    report = compare(stored("before", before), stored("after", after))
+    report = compare_stores(stored("before", before), stored("after", after))
     assert (report.verdict, report.exit_code) == ("changed", 0)
     assert check(report, "no new diverged").message == "1 of 8 runs no longer diverged"
     message = "1 run newly chatter, but better on the whole"
@@ -63,7 +63,7 @@ def test_a_label_nobody_knows_is_taken_for_the_worst(
 ) -> None:
     strange = runs()
     strange.label(0, "haunted")
-    report = compare(baseline, stored("strange", strange))
+    report = compare_stores(baseline, stored("strange", strange))
     assert check(report, "no new haunted").outcome == "failed"
     assert report.findings.index(check(report, "no new haunted")) < report.findings.index(
         check(report, "no new crashed")
@@ -78,16 +78,16 @@ def test_an_allowed_transition_and_past_its_date(
     candidate = stored("moved", moved)
     entry = {"from": "stable", "to": "chatter", "max": 1, "reason": "known", "until": "2026-06-30"}
     rules = policy(labels={"allow": [entry]})
-    report = compare(baseline, candidate, rules, today=date(2026, 6, 30))
+    report = compare_stores(baseline, candidate, rules, today=date(2026, 6, 30))
     found = check(report, "no new chatter")
     assert (report.exit_code, found.outcome) == (0, "noted")
     assert found.message == "1 run newly chatter, as the policy allows"
-    report = compare(baseline, candidate, rules, today=date(2026, 7, 1))
+    report = compare_stores(baseline, candidate, rules, today=date(2026, 7, 1))
     found = check(report, "no new chatter")
     assert (report.exit_code, found.outcome) == (1, "failed")
     assert found.message.endswith("stable -> chatter was allowed until 2026-06-30 (known)")
     moved.label(1, "chatter")
-    report = compare(baseline, stored("more", moved), rules, today=date(2026, 1, 1))
+    report = compare_stores(baseline, stored("more", moved), rules, today=date(2026, 1, 1))
     found = check(report, "no new chatter")
     assert (report.exit_code, found.failing) == (1, 2)
     assert "allowed for 1 run, but 2 do so (known)" in found.message
@@ -103,11 +103,11 @@ def test_knife_edge_runs_gate_nothing_and_are_counted(runs: Runs, stored: Stored
     after.label(0, "tunneling")
     after.measure(0, depth=1.0)
     stores = stored("before", before), stored("after", after)
-    report = compare(*stores)
+    report = compare_stores(*stores)
     assert report.exit_code == 0
     assert (report.pairs.knife_edge, report.pairs.knife_edge_flipped) == (1, 1)
     assert "1 knife-edge (1 with another label now)" in as_text(report_of(report))
-    strict = compare(*stores, policy(knife_edge={"exclude": False}))
+    strict = compare_stores(*stores, policy(knife_edge={"exclude": False}))
     assert strict.exit_code == 1
 
 
@@ -119,9 +119,9 @@ def test_many_more_knife_edge_runs_are_told(runs: Runs, stored: Stored) -> None:
     for given in (before, after):
         given.identity["resolved"] = LOOKED_FOR
     one, two = stored("before", before), stored("after", after)
-    found = check(compare(one, two), "few knife-edge runs")
+    found = check(compare_stores(one, two), "few knife-edge runs")
     assert (found.outcome, found.verdict) == ("warned", "worse")
-    assert check(compare(two, one), "few knife-edge runs").outcome == "passed"
+    assert check(compare_stores(two, one), "few knife-edge runs").outcome == "passed"
 
 
 def test_expectations(runs: Runs, stored: Stored) -> None:
@@ -129,16 +129,16 @@ def test_expectations(runs: Runs, stored: Stored) -> None:
     before.change(0, expected=("stable",), expectation_met=True)
     after.change(0, expected=("stable",), expectation_met=False)
     one, two = stored("before", before), stored("after", after)
-    report = compare(one, two)
+    report = compare_stores(one, two)
     assert (report.verdict, report.exit_code) == ("worse", 1)
     assert check(report, "expectations still met").message == "0 of 1 run within expectations"
-    assert compare(two, one).exit_code == 0
+    assert compare_stores(two, one).exit_code == 0
 
 
 def test_other_thresholds_make_other_labels(baseline: Path, runs: Runs, stored: Stored) -> None:
     other = runs()
     other.identity["resolved"] = {"thresholds": {"chatter": 9.0}}
-    report = compare(baseline, stored("other", other))
+    report = compare_stores(baseline, stored("other", other))
     assert report.exit_code == 3
     message = "thresholds differ: chatter by default, now chatter 9.0"
     assert check(report, "no new chatter").message == message
@@ -159,12 +159,12 @@ def test_changed_demands_are_not_comparable(
     changed = runs()
     resolved = {"version": 1, "scene": "ball", "checks": "flagged", "thresholds": {}}
     changed.identity["resolved"] = {**resolved, name: DEMANDS[name]}
-    report = compare(baseline, stored("changed", changed))
+    report = compare_stores(baseline, stored("changed", changed))
     assert (report.verdict, report.exit_code) == ("not comparable", 3)
     message = check(report, "same demands").message
     assert message.startswith(f"must be the same, but is {name} by default, now {name} ")
     told = policy(require={"same": [], "warn_if_different": ["demands"]})
-    report = compare(baseline, stored("again", changed), told)
+    report = compare_stores(baseline, stored("again", changed), told)
     assert (report.exit_code, check(report, "same demands").outcome) == (0, "warned")
 
 
@@ -175,5 +175,5 @@ def test_no_store_decides_the_order_of_known_labels(
     monkeypatch.setattr("tests.comparison.conftest.SEVERITY", reversed_order)
     flipped = runs()
     flipped.label(5, "tunneling")
-    report = compare(baseline, stored("flipped", flipped))
+    report = compare_stores(baseline, stored("flipped", flipped))
     assert (report.verdict, report.exit_code) == ("worse", 1)

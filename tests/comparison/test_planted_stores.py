@@ -8,7 +8,7 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
-from contactlab.comparison.compare_stores import compare
+from contactlab.comparison.compare_stores import compare_stores
 from contactlab.comparison.report import report_of
 from contactlab.errors import ContactlabError, PolicyError, StoreError
 from contactlab.schema.comparison import ComparePolicy, ComparisonReport
@@ -31,7 +31,7 @@ def check(report: ComparisonReport, name: str, group: str = "") -> Finding:
 
 
 def test_the_same_runs_are_bitwise_equal(baseline: Path, runs: Runs, stored: Stored) -> None:
-    report = compare(baseline, stored("again", runs()))
+    report = compare_stores(baseline, stored("again", runs()))
     assert (report.verdict, report.exit_code) == ("same", 0)
     assert report.pairs.bitwise_equal == report.pairs.paired == 8
     assert {each.outcome for each in report.findings} == {"passed"}
@@ -42,8 +42,8 @@ def test_swapped_sides(baseline: Path, runs: Runs, stored: Stored) -> None:
     worse = runs()
     worse.measure(3, depth=1.5e-3)
     candidate = stored("worse", worse)
-    assert compare(baseline, candidate).verdict == "worse"
-    report = compare(candidate, baseline)
+    assert compare_stores(baseline, candidate).verdict == "worse"
+    report = compare_stores(candidate, baseline)
     assert (report.verdict, report.exit_code) == ("better", 0)
     swapped = check(report, "candidate is newer")
     assert swapped.outcome == "warned"
@@ -55,15 +55,15 @@ def test_a_missing_run_and_one_more(baseline: Path, runs: Runs, stored: Stored) 
     del fewer.runs[2]
     last: EvidenceRecord = more.runs[-1]
     more.runs.append(last.model_copy(update={"run_id": "f" * 16, "index": 8, "seed": 1}))
-    report = compare(baseline, stored("fewer", fewer))
+    report = compare_stores(baseline, stored("fewer", fewer))
     assert (report.verdict, report.exit_code, report.pairs.missing) == ("missing", 1, 1)
     missing = check(report, "no missing runs")
     assert missing.message == "1 of 8 runs not in the candidate"
     assert missing.worst[0].baseline_run == f"{3:016x}"
-    report = compare(baseline, stored("more", more))
+    report = compare_stores(baseline, stored("more", more))
     assert (report.verdict, report.exit_code, report.pairs.new) == ("changed", 0, 1)
     assert check(report, "no new runs").message == "1 run not in the baseline"
-    strict = compare(baseline, stored("more2", more), policy(new_runs="gate"))
+    strict = compare_stores(baseline, stored("more2", more), policy(new_runs="gate"))
     assert strict.exit_code == 1
 
 
@@ -73,10 +73,10 @@ def test_another_engine_warns_or_is_refused(baseline: Path, runs: Runs, stored: 
     other.identity["engine"] = engine
     other.measure(0, depth=1.0)
     candidate = stored("other", other)
-    report = compare(baseline, candidate)
+    report = compare_stores(baseline, candidate)
     assert check(report, "same engine").message == "mujoco 4.0.0, now mujoco 3.17.0"
     assert report.exit_code == 1
-    strict = compare(baseline, candidate, policy(require={"same": ["engine"]}))
+    strict = compare_stores(baseline, candidate, policy(require={"same": ["engine"]}))
     assert (strict.verdict, strict.exit_code) == ("not comparable", 3)
 
 
@@ -87,13 +87,13 @@ def test_a_copy_of_the_baseline_is_told(baseline: Path, tmp_path: Path) -> None:
     for path in sorted(copy.rglob("*")):
         other = tmp_path / "baseline" / path.relative_to(copy)
         other.mkdir() if path.is_dir() else other.write_bytes(path.read_bytes())
-    found = check(compare(baseline, copy), "sweep ran again")
+    found = check(compare_stores(baseline, copy), "sweep ran again")
     assert (found.outcome, found.message[:12]) == ("warned", "no: both sto")
 
 
 def test_a_store_with_itself(baseline: Path) -> None:
     with pytest.raises(PolicyError, match="are the same store; compare the stores") as raised:
-        compare(baseline, baseline)
+        compare_stores(baseline, baseline)
     assert raised.value.exit_code == 2
 
 
@@ -140,7 +140,7 @@ def test_a_broken_store(
     damage, message = BROKEN[defect]
     damage(tampering, stores[side])
     with pytest.raises(StoreError, match=f"the {side} .*{message}") as raised:
-        compare(stores["baseline"], stores["candidate"])
+        compare_stores(stores["baseline"], stores["candidate"])
     assert raised.value.exit_code == 3
 
 
@@ -157,7 +157,7 @@ def test_an_empty_store(runs: Runs, stored: Stored, tampering: Any, side: str) -
     (path / "sweep.json").write_text(json.dumps(identity))
     tampering.rehash(path)
     with pytest.raises(StoreError, match=f"the {side} .* is empty: it holds no runs"):
-        compare(stores["baseline"], stores["candidate"])
+        compare_stores(stores["baseline"], stores["candidate"])
 
 
 @pytest.mark.parametrize(
@@ -179,7 +179,7 @@ def test_a_policy_that_does_not_fit(
     baseline: Path, runs: Runs, stored: Stored, changes: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(ContactlabError) as raised:
-        compare(baseline, stored("again", runs()), policy(**changes))
+        compare_stores(baseline, stored("again", runs()), policy(**changes))
     assert message in str(raised.value)
     assert raised.value.exit_code == 2
 
@@ -187,6 +187,6 @@ def test_a_policy_that_does_not_fit(
 def test_another_baseline_than_the_pinned_one(baseline: Path, runs: Runs, stored: Stored) -> None:
     candidate, digest = stored("again", runs()), sha256_of(baseline / "manifest.json")
     pinned = ComparePolicy(version=1, baseline_digest=digest)
-    assert compare(baseline, candidate, pinned).exit_code == 0
+    assert compare_stores(baseline, candidate, pinned).exit_code == 0
     with pytest.raises(StoreError, match=f"has the digest {digest}, not 0+, which is pinned"):
-        compare(baseline, candidate, ComparePolicy(version=1, baseline_digest="0" * 64))
+        compare_stores(baseline, candidate, ComparePolicy(version=1, baseline_digest="0" * 64))

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contactlab.comparison.compare_stores import compare
+from contactlab.comparison.compare_stores import compare_stores
 from contactlab.errors import PolicyError, SweepFileError
 from contactlab.judge.policies import effective_rule, kind_of
 from contactlab.judge.waivers import add_waivers, waivers_for
@@ -128,7 +128,7 @@ def test_waiving_keeps_the_comments_of_the_file(
     worse = runs()
     worse.measure(0, slip=0.6)
     candidate = stored("worse", worse)
-    report = compare(baseline, candidate, read_policy(path))
+    report = compare_stores(baseline, candidate, read_policy(path))
     add_waivers(
         path,
         waivers_for(report.findings, "slip unchanged", " pads were replaced ", date(2027, 1, 1)),
@@ -138,9 +138,14 @@ def test_waiving_keeps_the_comments_of_the_file(
         assert line.partition("#")[2] in text
     (entry,) = read_policy(path).waive
     assert (entry.check, entry.max, entry.reason) == ("slip unchanged", 1, "pads were replaced")
-    assert compare(baseline, candidate, read_policy(path), today=date(2027, 1, 1)).exit_code == 0
+    assert (
+        compare_stores(baseline, candidate, read_policy(path), today=date(2027, 1, 1)).exit_code
+        == 0
+    )
     worse.measure(1, slip=0.6)
-    again = compare(baseline, stored("more", worse), read_policy(path), today=date(2026, 1, 1))
+    again = compare_stores(
+        baseline, stored("more", worse), read_policy(path), today=date(2026, 1, 1)
+    )
     add_waivers(path, waivers_for(again.findings, "slip unchanged", "both were", None))
     (entry,) = read_policy(path).waive
     assert (entry.max, entry.reason, entry.until) == (2, "both were", None)
@@ -151,7 +156,7 @@ def test_waiving_creates_a_missing_file(
 ) -> None:
     worse = runs()
     worse.measure(0, depth=2e-3)
-    report = compare(baseline, stored("worse", worse))
+    report = compare_stores(baseline, stored("worse", worse))
     path = tmp_path / "new.yaml"
     add_waivers(path, waivers_for(report.findings, "depth no worse", "known", None))
     assert [entry.check for entry in read_policy(path).waive] == ["depth no worse"]
@@ -168,7 +173,7 @@ def test_waiving_creates_a_missing_file(
 def test_waivers_that_are_refused(
     baseline: Path, runs: Runs, stored: Stored, name: str, reason: str, message: str
 ) -> None:
-    report = compare(baseline, stored("same", runs()))
+    report = compare_stores(baseline, stored("same", runs()))
     with pytest.raises(PolicyError) as raised:
         waivers_for(report.findings, name, reason, None)
     assert message in str(raised.value)

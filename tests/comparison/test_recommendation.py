@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.comparison.compare_stores import compare
+from contactlab.comparison.compare_stores import compare_stores
 from contactlab.schema.comparison import ComparePolicy
 from contactlab.schema.finding import Finding
 
@@ -36,7 +36,7 @@ def weighed(runs: Runs) -> Callable[..., Any]:
 
 def checked(baseline: Path, candidate: Path) -> Finding:
     policy = ComparePolicy.model_validate({"version": 1, "recommendation": {"changed": "gate"}})
-    checks = compare(baseline, candidate, policy).findings
+    checks = compare_stores(baseline, candidate, policy).findings
     (found,) = [check for check in checks if check.kind == "recommendation"]
     return found
 

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.comparison.compare_stores import compare
+from contactlab.comparison.compare_stores import compare_stores
 from contactlab.comparison.metric_checks import Remeasure
 from contactlab.comparison.report import report_of
 from contactlab.errors import PolicyError, StoreError
@@ -86,7 +86,7 @@ def test_a_slower_engine_fails_the_gate(
     code: int,
 ) -> None:
     asked = remeasure(3, *(timer(factor) for factor in factors))
-    report = compare(baseline, stored("again", runs()), remeasure=asked)
+    report = compare_stores(baseline, stored("again", runs()), remeasure=asked)
     found = remeasured(report)
     assert (found.verdict, report.exit_code, found.judged) == (verdict, code, 3)
     ratio = f"{factors[1] / factors[0]:.3f}"
@@ -100,7 +100,7 @@ def test_runs_take_turns(
 ) -> None:
     """Each pair is warmed up once in both, then timed in the order ABBA."""
     asked = remeasure(2, timer(1.0), timer(1.5))
-    compare(baseline, stored("again", runs()), remeasure=asked)
+    compare_stores(baseline, stored("again", runs()), remeasure=asked)
     first, last = f"{1:016x}", f"{8:016x}"
     turns = ("1.0", "1.5", "1.0", "1.5", "1.5", "1.0")
     expected = [f"{turn} {run}" for run, turn in product((first, last), turns)]
@@ -120,11 +120,13 @@ def test_runs_that_did_not_go_through_are_not_timed(
     crashed = runs()
     for index in range(1, 8):
         crash_run(crashed, index)
-    compare(baseline, stored("crashed", crashed), remeasure=remeasure(8, timer(1), timer(2)))
+    compare_stores(baseline, stored("crashed", crashed), remeasure=remeasure(8, timer(1), timer(2)))
     diary = (tmp_path / "diary").read_text().split()
     assert set(diary[1::2]) == {f"{1:016x}"}
     crash_run(crashed, 0)
-    report = compare(baseline, stored("all", crashed), remeasure=remeasure(8, timer(1), timer(2)))
+    report = compare_stores(
+        baseline, stored("all", crashed), remeasure=remeasure(8, timer(1), timer(2))
+    )
     assert remeasured(report).outcome == "skipped"
     assert report.exit_code == 1  # Their labels and metrics changed, too.
 
@@ -134,7 +136,7 @@ def test_a_run_that_cannot_be_timed(
 ) -> None:
     asked = remeasure(1, timer(1.0), timer(2.0, refused=f"{1:016x}"))
     with pytest.raises(StoreError, match=r"cannot time run 0*1: it is raining"):
-        compare(baseline, stored("again", runs()), remeasure=asked)
+        compare_stores(baseline, stored("again", runs()), remeasure=asked)
 
 
 @pytest.mark.parametrize("program", ["/nowhere/python", "/bin/true", "/bin/echo"])
@@ -143,7 +145,7 @@ def test_what_is_no_python_with_contactlab(
 ) -> None:
     asked = remeasure(1, timer(1.0), Path(program))
     with pytest.raises(PolicyError, match=r"cannot run|is this version of contactlab installed"):
-        compare(baseline, stored("again", runs()), remeasure=asked)
+        compare_stores(baseline, stored("again", runs()), remeasure=asked)
 
 
 @given(st.integers(1, 12))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from tests.comparison.conftest import Given, eight, write
 
-from contactlab.comparison.compare_stores import compare
+from contactlab.comparison.compare_stores import compare_stores
 from contactlab.comparison.spread_checks import spread_finding
 from contactlab.judge.policies import EffectiveRule
 from contactlab.judge.subjects import Subject
@@ -47,10 +47,10 @@ def test_one_run_with_a_new_label_fails_no_job(before: Path, tmp_path: Path) -> 
     changed = seeded("b")
     changed.label(5, "chatter")
     after = write(tmp_path / "after", changed)
-    report = compare(before, after)
+    report = compare_stores(before, after)
     assert (report.judge, report.match, report.exit_code) == ("spread", "axes", 0)
     assert outcome(report.findings, "no more chatter") == "passed"
-    each = compare(before, after, ComparePolicy(version=1, judge="each"))
+    each = compare_stores(before, after, ComparePolicy(version=1, judge="each"))
     assert (each.exit_code, outcome(each.findings, "no new chatter")) == (1, "failed")
 
 
@@ -58,7 +58,7 @@ def test_a_label_of_many_runs_fails_the_job(before: Path, tmp_path: Path) -> Non
     changed = seeded("b")
     for index in range(0, 24, 3):
         changed.label(index, "chatter")
-    report = compare(before, write(tmp_path / "after", changed))
+    report = compare_stores(before, write(tmp_path / "after", changed))
     assert (report.exit_code, outcome(report.findings, "no more chatter")) == (1, "failed")
 
 
@@ -69,14 +69,14 @@ def test_a_shift_beyond_the_noise_fails_the_job(
     changed, rng = seeded("b"), np.random.default_rng(1)
     for index in range(24):
         changed.measure(index, depth=1e-3 * shift * (1 + 0.02 * rng.standard_normal()))
-    report = compare(before, write(tmp_path / "after", changed))
+    report = compare_stores(before, write(tmp_path / "after", changed))
     assert report.exit_code == code
 
 
 def test_the_same_model_is_judged_run_by_run(before: Path, tmp_path: Path) -> None:
     changed = seeded("a")
     changed.label(5, "chatter")
-    report = compare(before, write(tmp_path / "after", changed))
+    report = compare_stores(before, write(tmp_path / "after", changed))
     assert (report.judge, report.exit_code) == ("each", 1)
 
 

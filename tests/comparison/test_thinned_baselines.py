@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from contactlab.comparison.compare_stores import compare
+from contactlab.comparison.compare_stores import compare_stores
 from contactlab.errors import StoreError
 from contactlab.schema.comparison import ComparePolicy, ComparisonReport
 from contactlab.schema.finding import Finding
@@ -48,10 +48,10 @@ def worse(runs: Runs, stored: Stored) -> Path:
 @pytest.mark.usefixtures("worse")
 def test_every_row_on_a_knife_edge(baseline: Path, worse: Path, tampering: Any) -> None:
     """The attack as it was found: one column of the committed table."""
-    assert compare(baseline, worse).exit_code == 1
+    assert compare_stores(baseline, worse).exit_code == 1
     fill(baseline, tampering, "knife_edge", True)
     with pytest.raises(StoreError, match="its knife_edge contradicts its other values"):
-        compare(baseline, worse)
+        compare_stores(baseline, worse)
 
 
 def test_flags_of_a_sweep_that_looks_for_none_are_not_honored(
@@ -61,7 +61,7 @@ def test_flags_of_a_sweep_that_looks_for_none_are_not_honored(
     monkeypatch.setattr("contactlab.store.verify_store._MAX_QUICK_RECORDS", 0)
     for store in (baseline, worse):
         fill(store, tampering, "knife_edge", True)
-    report = compare(baseline, worse)
+    report = compare_stores(baseline, worse)
     assert (report.exit_code, report.pairs.knife_edge) == (1, 0)
 
 
@@ -79,7 +79,7 @@ def test_too_many_pairs_set_apart(
     if flagged == 2:
         given["after"].measure(7, depth=1.0)
     before, after = (stored(name, each) for name, each in given.items())
-    report = compare(before, after)
+    report = compare_stores(before, after)
     assert report.exit_code == code
     assert f"{flagged} of 8 pairs set apart as knife-edge runs" in check(report, ENOUGH).message
 
@@ -94,7 +94,7 @@ def test_rows_that_contradict_themselves(
     """A stable run whose list of labels has all of them would gain none."""
     fill(baseline, tampering, column, value)
     with pytest.raises(StoreError, match=r"baseline .* is not sound"):
-        compare(baseline, worse)
+        compare_stores(baseline, worse)
 
 
 def test_a_metric_without_values(baseline: Path, runs: Runs, stored: Stored) -> None:
@@ -105,15 +105,15 @@ def test_a_metric_without_values(baseline: Path, runs: Runs, stored: Stored) -> 
     for index in range(3):
         deep.measure(index, depth=1.0)
     stores = stored("blank", blank), stored("deep", deep)
-    assert compare(baseline, stores[1]).exit_code == 1
-    report = compare(*stores)
+    assert compare_stores(baseline, stores[1]).exit_code == 1
+    report = compare_stores(*stores)
     found = check(report, "depth no worse")
     assert (report.exit_code, found.outcome) == (NOT_COMPARABLE, "skipped")
     assert found.message.startswith("3 of 8 runs without a value in the baseline")
     # One of eight is counted, and the others are judged.
     blank.measure(1, depth=1e-3)
     blank.measure(2, depth=1e-3)
-    report = compare(stored("one", blank), stores[1])
+    report = compare_stores(stored("one", blank), stores[1])
     assert report.exit_code == 1
     assert "1 changed" in check(report, "depth no worse").message
 
@@ -122,7 +122,7 @@ def test_a_metric_that_its_table_lost(baseline: Path, worse: Path, tampering: An
     table = pq.read_table(baseline / "runs.parquet")
     tampering.rewrite(baseline, table.drop_columns(["depth"]))
     with pytest.raises(StoreError, match=r"baseline .* is not sound"):
-        compare(baseline, worse)
+        compare_stores(baseline, worse)
 
 
 def test_metrics_that_the_baseline_never_had(
@@ -135,9 +135,9 @@ def test_metrics_that_the_baseline_never_had(
     for name in ("depth", "grip", "slip"):
         tampering.substitute(baseline / "sweep.json", f'"{name}": 1,', "")
     tampering.rehash(baseline)
-    assert "3 of " in check(compare(baseline, worse), ENOUGH).message
+    assert "3 of " in check(compare_stores(baseline, worse), ENOUGH).message
     strict = ComparePolicy.model_validate({"version": 1, "least_judged": 1.0})
-    assert check(compare(baseline, worse, strict), ENOUGH).outcome == "skipped"
+    assert check(compare_stores(baseline, worse, strict), ENOUGH).outcome == "skipped"
 
 
 @pytest.mark.parametrize(("kept", "outcome"), [(6, "noted"), (5, "skipped"), (1, "skipped")])
@@ -146,7 +146,7 @@ def test_runs_that_the_baseline_lacks(runs: Runs, stored: Stored, kept: int, out
     del fewer.runs[kept:]
     for index in range(kept, 8):
         bad.label(index, "tunneling")
-    report = compare(stored("fewer", fewer), stored("bad", bad))
+    report = compare_stores(stored("fewer", fewer), stored("bad", bad))
     found = check(report, ENOUGH)
     expected = (NOT_COMPARABLE, "skipped") if outcome == "skipped" else (0, "passed")
     assert (report.exit_code, found.outcome) == expected
@@ -162,7 +162,7 @@ def test_expectations_that_the_baseline_is_silent_of(
     silent, unmet = runs(), runs()
     for index in range(8):
         unmet.change(index, **{column: False})
-    report = compare(stored("silent", silent), stored("unmet", unmet))
+    report = compare_stores(stored("silent", silent), stored("unmet", unmet))
     found = check(report, f"{name} still met")
     assert (report.exit_code, found.outcome) == (NOT_COMPARABLE, "skipped")
 
@@ -174,11 +174,11 @@ def test_duplicated_runs_are_refused(baseline: Path, worse: Path, tampering: Any
         rows[other] = one
         tampering.rewrite(baseline, table.take(rows))
         with pytest.raises(StoreError, match=r"baseline .* is not sound"):
-            compare(baseline, worse)
+            compare_stores(baseline, worse)
 
 
 def test_nothing_is_said_of_an_honest_baseline(baseline: Path, runs: Runs, stored: Stored) -> None:
-    report = compare(baseline, stored("again", runs()))
+    report = compare_stores(baseline, stored("again", runs()))
     assert report.exit_code == 0
     assert check(report, ENOUGH).message == "all of the candidate"
 
@@ -192,16 +192,16 @@ def test_metrics_that_contradict_equal_trajectories(
     trajectory = bent.runs[0].trajectory_hash
     bent.measure(0, depth=depth)
     bent.change(0, trajectory_hash=trajectory)
-    report = compare(baseline, stored("bent", bent))
+    report = compare_stores(baseline, stored("bent", bent))
     found = check(report, "depth no worse")
     assert (report.exit_code, found.outcome == "skipped") == (code, code == NOT_COMPARABLE)
     if code:
         assert found.message.startswith("1 of 8 runs with bitwise equal trajectories have other")
     # Another trajectory has other values, and so has another definition.
     bent.change(0, trajectory_hash="f" * 32)
-    moved = compare(baseline, stored("moved", bent))
+    moved = compare_stores(baseline, stored("moved", bent))
     assert moved.exit_code == (1 if depth > 1 else 0)
     bent.change(0, trajectory_hash=trajectory)
     bent.versions = bent.versions | {"depth": 2}
-    defined = check(compare(baseline, stored("defined", bent)), "depth no worse")
+    defined = check(compare_stores(baseline, stored("defined", bent)), "depth no worse")
     assert "equal trajectories" not in defined.message

@@ -7,7 +7,7 @@ import pytest
 from docs.generate import FOLDER, KEYS, PAGES, list_commands, write_page
 
 from contactlab.command_line.modules import command_modules, commands_of
-from contactlab.command_line.parser import typed
+from contactlab.command_line.parser import adapt_command
 
 PINNED = Path(__file__).parents[2] / ".ci/constraints/run.txt"
 
@@ -31,6 +31,6 @@ def test_every_option_of_every_command_is_listed() -> None:
     text = "\n".join(list_commands())
     for module in command_modules():
         for command in commands_of(module):
-            for parameter in typed(command).__dict__["__signature__"].parameters.values():
+            for parameter in adapt_command(command).__dict__["__signature__"].parameters.values():
                 flags = getattr(parameter.default, "param_decls", None) or ("--format",)
                 assert flags[-1] == "--format" or f"`{flags[-1]}" in text, (command.name, flags)

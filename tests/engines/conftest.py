@@ -108,7 +108,7 @@ def roll(scene: Scene, values: Sequence[dict[str, Any]], steps: int) -> Rolled:
     """Roll out runs of one structure, with seeds 0, 1, ..."""
     runs = [scene.resolve(each, seed, None) for seed, each in enumerate(values)]
     base = scene.base(runs[0].structure)
-    prepared = [base.prepare(run.edits()) for run in runs]
+    prepared = [base.prepare(run.list_edits()) for run in runs]
     starts = scene.initial_states(runs)
     models = [each.model for each in prepared]
     return Rolled(scene, prepared, starts, roll_out(models, starts, steps, Buffers()))

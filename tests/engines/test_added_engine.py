@@ -185,7 +185,7 @@ def test_what_it_ignores_cannot_be_swept(name: str) -> None:
 
 
 def test_the_axis_lists_it() -> None:
-    axis = Scene.open("stone.xml", Path(), ENGINES).catalogue.find("engine")
+    axis = Scene.open("stone.xml", Path(), ENGINES).catalogue.find_axis("engine")
     assert axis is not None
     assert axis.parse("free_fall") == "free_fall"
     assert "free_fall" in axis.choices

@@ -26,7 +26,7 @@ def test_later_calls_equal_those_with_fresh_memory(calls: list[tuple[int, int, i
     for boxes, steps, runs in calls:
         resolved = [scene.resolve({"boxes": boxes}, seed, None) for seed in range(runs)]
         base = scene.base(resolved[0].structure)
-        models = [base.prepare(run.edits()).model for run in resolved]
+        models = [base.prepare(run.list_edits()).model for run in resolved]
         starts = scene.initial_states(resolved)
         used = roll_out(models, starts, steps, buffers)
         fresh = roll_out(models, starts, steps, Buffers())

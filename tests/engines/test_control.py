@@ -95,7 +95,7 @@ def test_any_timed_input_equals_a_plain_loop(
     scene = driven(make_scene, "{" + ", ".join(entries) + "}")
     runs = [scene.resolve({"timestep": each}, 0, None) for each in timesteps]
     starts = scene.initial_states(runs)
-    models = [scene.base({}).prepare(run.edits()).model for run in runs]
+    models = [scene.base({}).prepare(run.list_edits()).model for run in runs]
     rollout = roll_out(models, starts, STEPS, Buffers())
     for run, model in enumerate(models):
         expected = slow(model, starts.select_run(run), knots, STEPS)

@@ -66,7 +66,7 @@ def see(name: str, values: Sequence[dict[str, Any]], steps: int = STEPS) -> Seen
     scene = Scene.open(name, tables=read_control_table)
     runs = [scene.resolve(each, seed, None) for seed, each in enumerate(values)]
     base = scene.base(runs[0].structure)
-    prepared = [base.prepare(run.edits()) for run in runs]
+    prepared = [base.prepare(run.list_edits()) for run in runs]
     starts = scene.initial_states(runs)
     rollout = roll_out([each.model for each in prepared], starts, steps, Buffers())
     return Seen(base, prepared, starts, rollout, make_trace(base, prepared, rollout))

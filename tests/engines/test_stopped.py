@@ -54,7 +54,7 @@ class Group:
     def __init__(self, scene: Scene, values: list[dict[str, Any]]) -> None:
         runs = [scene.resolve(each, 0, None) for each in values]
         self.base: CompiledScene = scene.base({})
-        self.prepared: list[PreparedModel] = [self.base.prepare(run.edits()) for run in runs]
+        self.prepared: list[PreparedModel] = [self.base.prepare(run.list_edits()) for run in runs]
         self.starts: InitialStates = scene.initial_states(runs)
 
     def roll(self, buffers: Buffers | None = None) -> Rollout:

@@ -4,7 +4,7 @@ from itertools import permutations
 
 import pytest
 
-from contactlab.judge.limits import Limit, exceeding, utilization, worst_of
+from contactlab.judge.limits import Limit, find_exceeding, utilization, worst_of
 
 WIDE, NARROW = Limit("slip", "m", "gate", 10.0), Limit("slip", "m", "gate", 0.1)
 
@@ -32,4 +32,4 @@ def test_a_value_at_its_limit_keeps_it_unless_that_is_strict(
 ) -> None:
     measure = Limit("slip", "m", "gate", 0.1, strict=strict).measure(value, None)
     assert measure.holds is holds
-    assert exceeding([measure]) == ([] if holds else [measure])
+    assert find_exceeding([measure]) == ([] if holds else [measure])

@@ -17,7 +17,7 @@ def test_a_slide_to_rest_is_one_switch_in_every_direction(direction: float) -> N
     scene = Scene.open("box_slide")
     run = scene.resolve({"direction": direction}, 0, None)
     base = scene.base(run.structure)
-    prepared = base.prepare(run.edits())
+    prepared = base.prepare(run.list_edits())
     rollout = roll_out([prepared.model], scene.initial_states([run]), run.steps, Buffers())
     trace = make_trace(base, [prepared], rollout)
     setup = make_setup(base, scene.source.manifest, [run], [prepared.model], {})

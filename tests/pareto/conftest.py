@@ -8,7 +8,7 @@ import pytest
 
 from contactlab.pareto.analysis import analyze_tradeoff
 from contactlab.pareto.configurations import (
-    Evaluated,
+    EvaluatedConfiguration,
     ResolvedCriteria,
     StoredRuns,
     evaluate_configurations,
@@ -73,7 +73,7 @@ def make_weighing(error: str = "oracle_error", **tolerances: float) -> ResolvedC
 
 def make_weighed(
     rows: Rows, knobs: Sequence[str] = ("timestep",), error: str = "oracle_error", **limits: float
-) -> list[Evaluated]:
+) -> list[EvaluatedConfiguration]:
     """Return the configurations of rows."""
     runs = make_runs(rows, knobs)
     return evaluate_configurations(runs, make_weighing(error, **limits), group_runs(runs))
@@ -85,7 +85,7 @@ def runs_of() -> Callable[..., StoredRuns]:
 
 
 @pytest.fixture(scope="session")
-def weighed() -> Callable[..., list[Evaluated]]:
+def weighed() -> Callable[..., list[EvaluatedConfiguration]]:
     return make_weighed
 
 

@@ -8,7 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.pareto.conftest import make_runs, make_weighing
 
-from contactlab.pareto.configurations import Evaluated, evaluate_configurations, group_runs
+from contactlab.pareto.configurations import (
+    EvaluatedConfiguration,
+    evaluate_configurations,
+    group_runs,
+)
 from contactlab.pareto.end_states import mark_ends
 from contactlab.pareto.recommendation import (
     equally_fast,
@@ -17,7 +21,7 @@ from contactlab.pareto.recommendation import (
     recommendable_places,
 )
 
-Weigh = Callable[..., list[Evaluated]]
+Weigh = Callable[..., list[EvaluatedConfiguration]]
 LIMITS = {"oracle_error": 1.0, "depth": 2.0}
 
 RUN = st.fixed_dictionaries(
@@ -105,7 +109,7 @@ def test_nothing_feasible_is_more_accurate_and_no_more_expensive(
         assert after is None or after.summary in better
 
 
-def numbers(each: Evaluated) -> tuple[float, float]:
+def numbers(each: EvaluatedConfiguration) -> tuple[float, float]:
     assert each.summary.time is not None
     assert each.summary.error is not None
     return each.summary.time, each.summary.error

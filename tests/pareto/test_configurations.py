@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.pareto.configurations import Evaluated, StoredRuns, group_runs
+from contactlab.pareto.configurations import EvaluatedConfiguration, StoredRuns, group_runs
 from contactlab.store.run_columns import CodedColumn
 
 KNOBS = ("timestep", "cone")
@@ -37,7 +37,7 @@ def random_rows(rng: np.random.Generator, count: int) -> list[dict[str, Any]]:
 
 @pytest.mark.parametrize("seed", range(20))
 def test_a_loop_over_its_runs_says_the_same(
-    weighed: Callable[..., list[Evaluated]], seed: int
+    weighed: Callable[..., list[EvaluatedConfiguration]], seed: int
 ) -> None:
     rng = np.random.default_rng(seed)
     rows = random_rows(rng, int(rng.integers(1, 60)))

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from contactlab.pareto.configurations import (
-    Evaluated,
+    EvaluatedConfiguration,
     StoredRuns,
     find_insensitive_knobs,
     fix_insensitive_knobs,
@@ -15,7 +15,7 @@ from contactlab.pareto.configurations import (
 from contactlab.pareto.convergence import find_methods
 from contactlab.schema.tradeoff_report import Method
 
-Weigh = Callable[..., list[Evaluated]]
+Weigh = Callable[..., list[EvaluatedConfiguration]]
 STEPS = [2.5e-4, 5e-4, 1e-3, 2e-3, 4e-3, 8e-3]
 KNOBS = ("timestep", "integrator", "cone")
 FLOOR = 2e-3

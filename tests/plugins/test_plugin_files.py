@@ -10,7 +10,13 @@ import pytest
 from contactlab.engines import ENGINES
 from contactlab.errors import ContactlabError, PluginError, StoppedError, StoreError
 from contactlab.measure import METRICS
-from contactlab.plugins import Plugin, extensions, load_plugins, loaded_plugins, require_plugins
+from contactlab.plugins import (
+    Plugin,
+    find_extensions,
+    load_plugins,
+    loaded_plugins,
+    require_plugins,
+)
 from contactlab.registry import PARTS, REGISTRIES
 from contactlab.run.stored_runs import replay_run
 from contactlab.run.sweep_request import read_request
@@ -228,7 +234,7 @@ def test_a_label_that_fails_makes_its_runs_invalid(folder: Path) -> None:
 @pytest.mark.parametrize(("kind", "name"), [(kind, name) for kind in PARTS for name in PARTS[kind]])
 def test_every_part_is_where_it_is_said_to_be(kind: str, name: str) -> None:
     try:
-        part = extensions(kind)[name].load()
+        part = find_extensions(kind)[name].load()
     except ContactlabError as error:  # an extra is not installed
         pytest.skip(str(error))
     assert callable(part) or isinstance(part, ModuleType | Path)

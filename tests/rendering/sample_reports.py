@@ -26,7 +26,7 @@ from contactlab.schema.grip import (
     GripReport,
     GripTrial,
 )
-from contactlab.schema.report_model import Described
+from contactlab.schema.report_model import DescribedReport
 from contactlab.schema.shrink_report import ShrinkReport
 from contactlab.schema.store_reports import (
     Bisection,
@@ -203,7 +203,7 @@ def explanation() -> Explanation:
     return Explanation(meanings=(meaning, meaning.model_copy(update={"texts": ()})))
 
 
-REPORTS: Mapping[str, Described] = {
+REPORTS: Mapping[str, DescribedReport] = {
     "forecast": forecast(),
     "forecast of a grid": forecast().model_copy(update={"least_runs": None, "runs": 12}),
     "sound store": verification(sound=True),

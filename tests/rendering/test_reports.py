@@ -11,7 +11,7 @@ from contactlab.registry import own_parts
 from contactlab.rendering.html import render_html
 from contactlab.rendering.markdown import render_markdown
 from contactlab.rendering.text import render_text
-from contactlab.schema.report_model import Described
+from contactlab.schema.report_model import DescribedReport
 
 register_parts()
 WIDTHS = (60, 80, 132)
@@ -55,7 +55,7 @@ def test_a_notebook_shows_a_report(name: str) -> None:
 
 
 def test_each_report_class_has_one_description() -> None:
-    described = {kind.__name__ for kind in _subclasses(Described)} - {"ReportModel"}
+    described = {kind.__name__ for kind in _subclasses(DescribedReport)} - {"ReportModel"}
     assert set(own_parts("description")) >= described
 
 

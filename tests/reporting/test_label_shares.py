@@ -8,7 +8,7 @@ import pytest
 from contactlab.rendering.amounts import format_percent
 from contactlab.reporting.label_shares import share_words
 from contactlab.schema.sweep_schema import Sweep
-from contactlab.shares import wilson
+from contactlab.shares import wilson_interval
 from contactlab.store.finished_store import Store
 
 
@@ -26,7 +26,7 @@ def store_of(**changes: Any) -> Store:
     ],
 )
 def test_draws_have_wilsons_interval(changes: dict[str, Any]) -> None:
-    low, high = map(format_percent, wilson(16, 20))
+    low, high = map(format_percent, wilson_interval(16, 20))
     assert share_words(store_of(**changes))(16, 20) == f"80 % ({low[:-2]} to {high})"
 
 

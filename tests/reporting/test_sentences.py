@@ -147,11 +147,11 @@ def test_a_page_without_films_has_drawings_or_the_reason(
     def load() -> None:
         raise OutputError("it needs av")
 
-    found = dict(page_pictures.extensions("viewer"))
+    found = dict(page_pictures.find_extensions("viewer"))
     found |= dict.fromkeys(
         ("gif", "png") if drawable else ("gif", "png", "svg"), SimpleNamespace(load=load)
     )
-    monkeypatch.setattr(page_pictures, "extensions", lambda _: found)
+    monkeypatch.setattr(page_pictures, "find_extensions", lambda _: found)
     data = read_report_data(swept("bounce"))
     films = header_films(data, None, has_moment=False)
     assert films.missing == ("" if drawable else "it needs av")

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from tests.reporting.conftest import run
 
-from contactlab.comparison.compare_stores import compare
+from contactlab.comparison.compare_stores import compare_stores
 from contactlab.errors import OutputError, SweepFileError
 from contactlab.page.paper_figures import bouncing_runs, first_impacts
 from contactlab.page.report_files import write_figures, write_page
@@ -192,7 +192,7 @@ def test_a_page_compares_with_a_baseline(swept: Swept, tmp_path: Path) -> None:
     write_page(swept("bounce"), tmp_path / "page.html", request)
     page = (tmp_path / "page.html").read_text()
     assert f"contactlab compare {before} {swept('bounce').path}" in page
-    assert compare(before, swept("bounce").path).headline in page
+    assert compare_stores(before, swept("bounce").path).headline in page
     comparison = page.split('id="comparison"')[1].split("</section>")[0]
     assert comparison.count("<svg") == 2, "labels, and the error"
     for title in ("baseline", "candidate", "difference"):

@@ -55,12 +55,12 @@ def bent(sound: Path, tmp_path: Path) -> Path:
 
 def problems(store: Path) -> list[str]:
     """Return all that `contactlab verify` finds."""
-    return find_problems(store) or list(recomputed_problems(Store.unchecked(store)))
+    return find_problems(store) or list(recomputed_problems(Store.open_unchecked(store)))
 
 
 def redo(store: Path) -> None:
     """Make every hash of a store right again."""
-    manifest = Store.unchecked(store).manifest
+    manifest = Store.open_unchecked(store).manifest
     files = {name: sha256_of(store / name) for name in manifest.files}
     digest = digests_of(store / "runs.parquet")
     changed = manifest.model_copy(update={"files": files, **digest._asdict()})
@@ -321,7 +321,7 @@ def test_a_run_with_results_did_not_end_with_its_process(bent: Path, status: str
 
 def test_fewer_simulated_runs_than_requested_are_a_problem(bent: Path) -> None:
     in_manifest("sweep", "engine", value={"name": "mujoco", "version": "3.99.0"})(bent)
-    (found,) = simulate_again(Store.unchecked(bent), 3).problems
+    (found,) = simulate_again(Store.open_unchecked(bent), 3).problems
     assert found.startswith("simulated again: 0 of 3: 3 run ids and settings: they are of mujoco")
 
 

@@ -16,7 +16,7 @@ from tests.run.bare_runs import bare_run
 
 from contactlab.run import worker_pool
 from contactlab.run.ray.connection import ray_cluster
-from contactlab.run.tasks import Crashed, Job, Stop
+from contactlab.run.tasks import CrashedJob, Job, Stop
 from contactlab.run.worker_pool import WorkerHandle, WorkerPool, end_halted
 
 JOB: Job = (bare_run(0, "first"),)
@@ -85,7 +85,7 @@ def test_a_halted_worker_is_ended(
     pool: Any = WorkerPool(task, tmp_path, 1)
     pool._workers[pool._markers[0]] = replace(halted_worker, marker=pool._markers[0])
     (result,) = pool.run_jobs([JOB], Stop())
-    assert isinstance(result, Crashed)
+    assert isinstance(result, CrashedJob)
     assert (result.job, result.timed_out) == (JOB, False)
     assert "halted" in result.reason
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.run.tasks import Finished
+from contactlab.run.tasks import FinishedRun
 from contactlab.store.row_journal import encode_lines
 from contactlab.store.verify_store import find_problems
 
@@ -75,7 +75,7 @@ class Quiet:
         self.begin = taken([store / "sweep.json", *(store / "scenes").rglob("*")])
         self.traces = taken((store / "traces").rglob("*.mcap"))
 
-    def _count(self, finished: Sequence[Finished]) -> None:
+    def _count(self, finished: Sequence[FinishedRun]) -> None:
         lines = encode_lines([each.row for each in finished], finished[0].shared)
         self.journal += sum(map(len, lines))
 

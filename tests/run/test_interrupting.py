@@ -14,7 +14,7 @@ from tests.run.spoiled_workers import spoil_workers
 
 from contactlab.errors import OutputError, StoppedError
 from contactlab.run.sweep_runner import run_sweep
-from contactlab.run.tasks import Finished, Stop
+from contactlab.run.tasks import FinishedRun, Stop
 from contactlab.store.row_journal import read_lines
 from contactlab.store.verify_store import find_problems
 
@@ -228,7 +228,7 @@ class After:
         self.label, self.left, self.stop = label, count, Stop()
         self.told = 0
 
-    def __call__(self, finished: Sequence[Finished]) -> None:
+    def __call__(self, finished: Sequence[FinishedRun]) -> None:
         self.told += len(finished)
         self.left -= sum(each.label == self.label for each in finished)
         if self.left <= 0:

@@ -10,7 +10,7 @@ import pytest
 from contactlab.errors import StoppedError
 from contactlab.run import worker
 from contactlab.run.sweep_runner import run_sweep
-from contactlab.run.tasks import Finished, Job, Stop, Task
+from contactlab.run.tasks import FinishedRun, Job, Stop, Task
 from contactlab.run.worker import Worker
 
 pytestmark = pytest.mark.long
@@ -37,7 +37,7 @@ class OneJob:
         self.yes -= 1
         return self.yes >= 0
 
-    def run(self, task: Task, jobs: Iterable[Job], stop: Stop) -> Iterator[list[Finished]]:
+    def run(self, task: Task, jobs: Iterable[Job], stop: Stop) -> Iterator[list[FinishedRun]]:
         job = tuple(run for job in jobs for run in job)
         found = Worker(task, None, self.proceed).run(job)
         self.rows = [{**json.loads(each.shared or "{}"), **json.loads(each.row)} for each in found]

@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 from tests.run.spoiled_workers import spoil_workers
 
-from contactlab.run.tasks import Finished
+from contactlab.run.tasks import FinishedRun
 from contactlab.store.verify_store import find_problems
 
 
@@ -23,7 +23,7 @@ class Stop:
     def __init__(self, label: str, after: int) -> None:
         self.label, self.left = label, after
 
-    def __call__(self, finished: Sequence[Finished]) -> None:
+    def __call__(self, finished: Sequence[FinishedRun]) -> None:
         self.left -= sum(each.label == self.label for each in finished)
         if self.left <= 0:
             raise StopError

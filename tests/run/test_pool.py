@@ -14,7 +14,7 @@ from tests.run.bare_runs import bare_run
 from tests.run.spoiled_workers import spoil_workers
 
 from contactlab.run import fork_server, worker_pool
-from contactlab.run.tasks import Crashed, Finished, Job, Stop
+from contactlab.run.tasks import CrashedJob, FinishedRun, Job, Stop
 from contactlab.run.worker_pool import WorkerHandle, WorkerPool
 from contactlab.store.verify_store import find_problems
 
@@ -59,7 +59,7 @@ def test_killing_workers_from_outside_loses_nothing(
     sweeper.run(ball, "quiet")
     left = iter(range(3))
 
-    def kill_one(_: Sequence[Finished]) -> None:
+    def kill_one(_: Sequence[FinishedRun]) -> None:
         if next(left, None) is not None:
             os.kill(multiprocessing.active_children()[0].pid or 0, number)
 
@@ -154,7 +154,7 @@ def test_a_worker_that_dies_between_jobs_loses_the_next(worker: tuple[Any, Any])
     theirs.close()
     assert list(pool.run_jobs([FIRST, SECOND], Stop())) == [
         ["done"],
-        Crashed(SECOND, "the worker was ended by SIGKILL", timed_out=False),
+        CrashedJob(SECOND, "the worker was ended by SIGKILL", timed_out=False),
     ]
     assert pool._workers == {}
 
@@ -164,7 +164,7 @@ def test_a_worker_that_dies_in_mid_message_loses_its_job(worker: tuple[Any, Any]
     os.write(theirs.fileno(), (1000).to_bytes(4, "big") + b"only the beginning")
     theirs.close()
     assert list(pool.run_jobs([FIRST], Stop())) == [
-        Crashed(FIRST, "the worker was ended by SIGKILL", timed_out=False)
+        CrashedJob(FIRST, "the worker was ended by SIGKILL", timed_out=False)
     ]
 
 

@@ -24,7 +24,7 @@ from contactlab.errors import ClusterError, OutputError
 from contactlab.run.ray import executor as flight
 from contactlab.run.ray import node
 from contactlab.run.ray.executor import InFlight
-from contactlab.run.tasks import MAX_LOSSES, Crashed, Job, Stop
+from contactlab.run.tasks import MAX_LOSSES, CrashedJob, Job, Stop
 
 GONE = [NodeDiedError("gone"), RaySystemError("gone"), WorkerCrashedError()]
 
@@ -108,15 +108,15 @@ def test_jobs_whose_nodes_are_lost_come_back_once(
 @pytest.mark.parametrize("kind", GONE)
 def test_a_job_that_loses_every_node_is_lost(fly: Fly, kind: Exception) -> None:
     _, results, _ = fly(2, _1=[kind] * MAX_LOSSES)
-    by_kind = {isinstance(each, Crashed): each for each in results}
+    by_kind = {isinstance(each, CrashedJob): each for each in results}
     reason = f"its node was lost {MAX_LOSSES} times: {type(kind).__name__}"
-    assert by_kind == {False: ["0"], True: Crashed(jobs(2)[1], reason, timed_out=False)}
+    assert by_kind == {False: ["0"], True: CrashedJob(jobs(2)[1], reason, timed_out=False)}
 
 
 def test_a_worker_without_memory_loses_its_job(fly: Fly) -> None:
     _, results, _ = fly(1, _0=[OutOfMemoryError("")])
     reason = "out of memory: the cluster ended the worker"
-    assert list(results) == [Crashed(jobs(1)[0], reason, timed_out=False)]
+    assert list(results) == [CrashedJob(jobs(1)[0], reason, timed_out=False)]
 
 
 def test_jobs_are_taken_as_there_is_room(fly: Fly) -> None:

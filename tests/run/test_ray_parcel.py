@@ -14,7 +14,7 @@ import pytest
 from contactlab.run import worker_pool
 from contactlab.run.ray import worker as ray_worker
 from contactlab.run.task_bundle import pack_bundle, unpack_bundle
-from contactlab.run.tasks import Crashed, Task
+from contactlab.run.tasks import CrashedJob, Task
 from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import stored_scene
 from contactlab.store.store_files import ObjectAddress
@@ -117,7 +117,7 @@ def test_a_worker_that_dies_loses_its_job_and_is_replaced(process: Any) -> None:
     process(1)
     os.kill(number("one"), signal.SIGKILL)
     lost = process(1)
-    assert isinstance(lost, Crashed)
+    assert isinstance(lost, CrashedJob)
     assert (lost.reason, lost.timed_out) == ("the worker was ended by SIGKILL", False)
     assert len(process(1)) == 1
 

@@ -62,7 +62,7 @@ def rows(store: Store) -> dict[str, dict[str, Any]]:
         "tilt",
         "friction.slide",
     ]
-    return {row["run_id"]: row for row in store.columns.arrow(names).to_pylist()}
+    return {row["run_id"]: row for row in store.columns.read_arrow(names).to_pylist()}
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import pytest
 
 from contactlab.errors import StoreError
 from contactlab.run import planned_runs
-from contactlab.run.tasks import Finished
+from contactlab.run.tasks import FinishedRun
 from contactlab.store import folder_backend
 from contactlab.store.row_journal import parse_line
 from contactlab.store.verify_store import find_problems
@@ -22,11 +22,11 @@ class StopError(Exception):
     """Ends a sweep from its progress callback."""
 
 
-def stop_after(portions: int) -> Callable[[Sequence[Finished]], None]:
+def stop_after(portions: int) -> Callable[[Sequence[FinishedRun]], None]:
     """Return a progress callback that gives up after so many portions."""
     left = iter(range(portions - 1))
 
-    def progress(finished: Sequence[Finished]) -> None:
+    def progress(finished: Sequence[FinishedRun]) -> None:
         del finished
         if next(left, None) is None:
             raise StopError
@@ -130,7 +130,7 @@ def test_half_written_files_are_removed(sweeper: Any, ball: str, whole: Any, hal
 def test_what_a_killed_worker_half_wrote_is_removed_at_the_end(sweeper: Any, ball: str) -> None:
     store = sweeper.folder / "store"
 
-    def leave(finished: Sequence[Finished]) -> None:
+    def leave(finished: Sequence[FinishedRun]) -> None:
         """Leave what a worker does that dies while it writes a trace; another writes it again."""
         trace = store / json.loads(finished[0].row)["trace_file"]
         trace.with_name(trace.name + ".0123abcd.tmp").write_bytes(b"half")

@@ -16,7 +16,7 @@ import pytest
 from tests.run.test_killed_writes import kills
 
 import contactlab
-from contactlab.command_line.store_summary import unexpected
+from contactlab.command_line.store_summary import explain_unexpected
 from contactlab.errors import (
     ContactlabError,
     ExpectationError,
@@ -313,12 +313,15 @@ def test_a_forged_unit_of_a_metric_is_found(merged: Store, tmp_path: Path) -> No
 def test_a_sweep_of_which_no_run_is_valid_fails(
     merged: Store,
 ) -> None:
-    assert isinstance(unexpected(merged), ExpectationError)
+    assert isinstance(explain_unexpected(merged), ExpectationError)
     none = {"expectations": {"none": RUNS}, "unmet_means": ()}
     counts = {"labels": {"invalid": RUNS}, **none}
     invalid = replace(merged, manifest=merged.manifest.model_copy(update=counts))
-    failure = unexpected(invalid)
+    failure = explain_unexpected(invalid)
     assert isinstance(failure, RunFailedError)
     assert str(failure).startswith("all 16 runs are invalid: ")
     some = {"labels": {"invalid": RUNS - 1, "stable": 1}, **none}
-    assert unexpected(replace(merged, manifest=merged.manifest.model_copy(update=some))) is None
+    assert (
+        explain_unexpected(replace(merged, manifest=merged.manifest.model_copy(update=some)))
+        is None
+    )

@@ -23,7 +23,7 @@ from contactlab.run.slurm import executor as arrays
 from contactlab.run.slurm.connection import slurm_arrays
 from contactlab.run.slurm.executor import Arrays, SlurmExecutor
 from contactlab.run.slurm.part import RESULT, Part, runs_of, stored_runs, unfinished_jobs
-from contactlab.run.tasks import MAX_LOSSES, Crashed, Finished, Job, Result, Stop
+from contactlab.run.tasks import MAX_LOSSES, CrashedJob, FinishedRun, Job, Result, Stop
 
 SWEEP = """
 version: 1
@@ -43,7 +43,8 @@ def written(folder: Path, number: int, jobs: tuple[Job, ...]) -> None:
     """Write the results of some jobs, as a task does."""
     for one in jobs:
         result: Result = [
-            Finished(b'{"run_id":"%s"}' % run.run_id.encode(), "stable", "ok", None) for run in one
+            FinishedRun(b'{"run_id":"%s"}' % run.run_id.encode(), "stable", "ok", None)
+            for run in one
         ]
         (folder / f"{number}-{one[0].run_id}{RESULT}").write_bytes(pickle.dumps(result))
 
@@ -113,7 +114,7 @@ def test_a_job_that_loses_its_task_again_and_again_is_told(
             yield 100
 
     first, *others = flown(monkeypatch, tmp_path, 1, most())
-    assert isinstance(first, Crashed)
+    assert isinstance(first, CrashedJob)
     assert first.job == job(0)
     assert f"lost {MAX_LOSSES} times" in first.reason
     assert not others

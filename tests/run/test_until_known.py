@@ -29,7 +29,7 @@ UNTIL = {"share": "slip_distance > 0.5 mm", "half_width": "10%"}
 
 def rows(store: Store) -> dict[str, Any]:
     names = ["run_id", "index", "trajectory_hash"]
-    return {row["run_id"]: row for row in store.columns.arrow(names).to_pylist()}
+    return {row["run_id"]: row for row in store.columns.read_arrow(names).to_pylist()}
 
 
 @pytest.fixture(scope="module")

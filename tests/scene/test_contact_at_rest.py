@@ -77,7 +77,7 @@ def test_restitution_and_mass_come_before(tmp_path: Path) -> None:
     """A ball of 5 kg, as stiff; its damping ratio is that of the restitution."""
     scene = Scene.open(ball(tmp_path, "elliptic", 3, 0.5, 1))
     run = scene.resolve({"mass": 5.0, "restitution": 0.6, "stiffness": 1e4}, 0, 1.0)
-    (pair,) = scene.base({}).prepare(run.edits()).pairs.values()
+    (pair,) = scene.base({}).prepare(run.list_edits()).pairs.values()
     assert pair.solref[1] == pytest.approx(0.1809, rel=1e-3)
     # K = k A (1 - d), and the time constant is 1 / (zeta sqrt K).
     assert pair.solref[0] == pytest.approx(1 / (0.1809 * (1e4 / 5 * 0.05) ** 0.5), rel=1e-3)
@@ -135,7 +135,7 @@ def test_what_has_no_meaning_is_refused(
     scene = Scene.open(ball(tmp_path, "elliptic", 3, 0.5, 1))
     run = scene.resolve(values, 0, 1.0)
     with pytest.raises(SceneError, match=message):
-        scene.base({}).prepare(run.edits())
+        scene.base({}).prepare(run.list_edits())
 
 
 def test_geoms_that_cannot_have_both_are_refused(tmp_path: Path) -> None:
@@ -143,7 +143,7 @@ def test_geoms_that_cannot_have_both_are_refused(tmp_path: Path) -> None:
     scene = Scene.open(written(tmp_path, BEAMS.format(place=".2 0 .05", mass=100)))
     run = scene.resolve({"stiffness": 1e4}, 0, 1.0)
     with pytest.raises(SceneError, match="no solref of the geoms gives each pair its value"):
-        scene.base({}).prepare(run.edits())
+        scene.base({}).prepare(run.list_edits())
 
 
 def test_two_words_for_one_thing_are_refused(tmp_path: Path) -> None:
@@ -204,7 +204,7 @@ def test_however_geoms_mix_each_pair_has_its_own(
     for geom, mix in zip(inverse, mixes, strict=True):
         text = text.replace(f'<geom name="{geom}"', f'<geom name="{geom}" solmix="{mix}"')
     scene = Scene.open(written(tmp_path, text))
-    prepared = scene.base({}).prepare(scene.resolve({"stiffness": 2e4}, 0, 1.0).edits())
+    prepared = scene.base({}).prepare(scene.resolve({"stiffness": 2e4}, 0, 1.0).list_edits())
     assert len(prepared.pairs) == 3
     for name, pair in prepared.pairs.items():
         first, second = name.split("-")

@@ -55,7 +55,7 @@ def assert_has(contact: Any, name: str, asked: Any) -> None:
 @pytest.mark.parametrize("name", VALUES)
 def test_every_graded_pair_gets_the_value(name: str, unequal: Scene) -> None:
     run = unequal.resolve({name: VALUES[name]}, 0, None)
-    prepared = unequal.base({}).prepare(run.edits())
+    prepared = unequal.base({}).prepare(run.list_edits())
     setting = PARAMETERS[name].sets
     touching = contacts(prepared.model)
     assert touching.keys() == MONITORED | {frozenset(("floor", "bystander"))}
@@ -71,7 +71,7 @@ def test_every_graded_pair_gets_the_value(name: str, unequal: Scene) -> None:
 def test_nothing_else_is_touched(name: str, unequal: Scene, numbers_of: Any) -> None:
     base = unequal.base({})
     run = unequal.resolve({name: VALUES[name]}, 0, None)
-    before, after = numbers_of(base.model), numbers_of(base.prepare(run.edits()).model)
+    before, after = numbers_of(base.model), numbers_of(base.prepare(run.list_edits()).model)
     setting = PARAMETERS[name].sets
     own = {f"geom_{setting}", "pair_dim" if setting == "condim" else f"pair_{setting}"}
     changed = {key for key in before if not np.array_equal(before[key], after[key])}
@@ -89,7 +89,7 @@ def test_shipped_scenes(scene_name: str, name: str) -> None:
     scene = Scene.open(scene_name)
     run = scene.resolve({name: VALUES[name]}, 0, None)
     base = scene.base(run.structure)
-    model = base.prepare(run.edits()).model
+    model = base.prepare(run.list_edits()).model
     # In each of them the lowest body rests with its centre at 0.05 m.
     sunk = scene.initial_states([run]).qpos[0]
     sunk[2] = 0.0495
@@ -121,7 +121,7 @@ def test_a_setting_and_a_field_of_the_same_geom(unequal: Scene) -> None:
         "mass": 5.0,
         "body_mass[low]": 7.0,
     }
-    model = unequal.base({}).prepare(unequal.resolve(values, 0, None).edits()).model
+    model = unequal.base({}).prepare(unequal.resolve(values, 0, None).list_edits()).model
     assert model.geom("top").solref.tolist() == [0.02, 0.5]
     assert model.geom("low").solref.tolist() == [0.01, 1.0]
     assert model.body("low").mass[0] == 7.0

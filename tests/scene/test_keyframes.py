@@ -35,7 +35,7 @@ KEYED = STILL.replace("</mujoco>", '<keyframe><key qpos=".1"/></keyframe></mujoc
 
 
 def spec_of(scene: Scene) -> tuple[str, ...]:
-    axis = scene.catalogue.find("keyframe")
+    axis = scene.catalogue.find_axis("keyframe")
     assert axis is not None
     return axis.choices
 
@@ -82,7 +82,7 @@ def test_a_manifest_says_where_to_start(make_scene: Make) -> None:
 
 def test_a_model_without_keyframes_has_no_such_axis(make_scene: Make) -> None:
     scene = make_scene(STILL)
-    assert scene.catalogue.find("keyframe") is None
+    assert scene.catalogue.find_axis("keyframe") is None
     assert "keyframe" not in scene.resolve({}, 0, None).settings
 
 
@@ -102,7 +102,7 @@ def test_a_run_is_a_loop_from_that_keyframe(keyframe: str, make_scene: Make) -> 
     """Bit for bit, with activation and the places of what is moved by hand."""
     scene = make_scene(MODEL, "pairs: [{geoms: [hand, cart]}]\n")
     run = scene.resolve({"keyframe": keyframe}, 0, None)
-    model = scene.base_of(run).prepare(run.edits()).model
+    model = scene.base_of(run).prepare(run.list_edits()).model
     rollout = roll_out([model], scene.initial_states([run]), 50, Buffers())
     plain = mujoco.MjModel.from_xml_string(MODEL)
     data = mujoco.MjData(plain)
@@ -126,6 +126,6 @@ def _state(data: mujoco.MjData) -> np.ndarray:
 def test_a_place_that_is_asked_for_comes_over_a_keyframe(make_scene: Make) -> None:
     scene = make_scene(MODEL)
     run = scene.resolve({"keyframe": "near", "body_pos[hand]": (4.0, 5.0, 6.0)}, 0, None)
-    model = scene.base_of(run).prepare(run.edits()).model
+    model = scene.base_of(run).prepare(run.list_edits()).model
     assert model.body("hand").pos.tolist() == [4, 5, 6]
     assert model.body("hand").quat.tolist() == [0, 1, 0, 0]

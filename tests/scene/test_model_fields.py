@@ -45,7 +45,7 @@ def open_scene(make_scene: Make, **values: str) -> Scene:
 
 def edited(scene: Scene, **values: Any) -> mujoco.MjModel:
     run = scene.resolve(values, 0, None)
-    return scene.base({}).prepare(run.edits()).model
+    return scene.base({}).prepare(run.list_edits()).model
 
 
 @pytest.mark.parametrize("density", ["1e-3", "50", "20000"])
@@ -103,7 +103,7 @@ def test_a_field_is_the_attribute_it_came_from(
     field: str, value: Any, attribute: str, text: str, make_scene: Make, differing: Any
 ) -> None:
     scene = open_scene(make_scene)
-    axis = scene.catalogue.find(field)
+    axis = scene.catalogue.find_axis(field)
     assert axis is not None
     parsed = axis.parse(value)
     wanted = edited(open_scene(make_scene, **{attribute: text}))
@@ -131,7 +131,7 @@ def test_places_that_the_compiler_uses_are_followed(make_scene: Make) -> None:
     ],
 )  # fmt: skip
 def test_what_is_no_field_to_sweep_is_not_found(name: str, make_scene: Make) -> None:
-    assert open_scene(make_scene).catalogue.find(name) is None
+    assert open_scene(make_scene).catalogue.find_axis(name) is None
 
 
 @pytest.mark.parametrize(

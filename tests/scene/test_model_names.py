@@ -127,10 +127,10 @@ def test_a_manifest_uses_addresses(make_scene: Make) -> None:
 def test_axes_use_addresses(make_scene: Make) -> None:
     scene = make_scene(PLAIN, MANIFEST)
     for name, value in (("actuator_gear[actuator[2],0]", 2.0), ("geom_friction[geom[3],0]", 0.5)):
-        axis = scene.catalogue.find(name)
+        axis = scene.catalogue.find_axis(name)
         assert axis is not None
         run = scene.resolve({name: axis.parse(value)}, 0, None)
-        model = scene.base_of(run).prepare(run.edits()).model
+        model = scene.base_of(run).prepare(run.list_edits()).model
         field, index = name.split("[")[0], 2 if "actuator" in name else 3
         assert getattr(model, field)[index, 0] == value
 
@@ -138,7 +138,7 @@ def test_axes_use_addresses(make_scene: Make) -> None:
 def test_geoms_are_still_known_by_their_former_words(make_scene: Make) -> None:
     scene = make_scene(PLAIN, "pairs: [{geoms: [geom0, geom3]}]\n")
     assert [pair.name for pair in scene.base({}).pairs] == ["geom[0]-geom[3]"]
-    assert scene.catalogue.find("geom_friction[geom3,0]") is not None
+    assert scene.catalogue.find_axis("geom_friction[geom3,0]") is not None
 
 
 def test_what_is_not_there_is_told(make_scene: Make) -> None:

@@ -397,7 +397,7 @@ def test_a_urdf_becomes_mjcf_of_the_same_numbers(
     written = write_model(scene, ModelEdits(settings), tmp_path / "out", "tuned.xml")
     assert (written.path.name, written.patch) == ("tuned.xml", b"")
     assert {each.file for each in written.changes} == {"tuned.xml"}
-    meant = scene.base({}).prepare(scene.resolve(settings, 0, None).edits()).model
+    meant = scene.base({}).prepare(scene.resolve(settings, 0, None).list_edits()).model
     again = Scene(written.source)
     assert unlike(again.base({}).prepare({}).model, meant) == set()
 

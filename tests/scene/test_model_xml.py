@@ -12,7 +12,7 @@ import pytest
 from contactlab.errors import SceneError
 from contactlab.scene.model_files import ASSET_FOLDERS, FileSearch, collect_files
 from contactlab.scene.model_guards import ALLOWED
-from contactlab.scene.model_xml import FILE_KEYS, FOLDER_KEYS, parse
+from contactlab.scene.model_xml import FILE_KEYS, FOLDER_KEYS, parse_model
 
 MODEL = '<mujoco{}><asset><mesh name="m" file="{}"/></asset><worldbody/></mujoco>'
 Reading = tuple[str, Sequence[str], Sequence[str]]  # name of the model, files, names of bodies
@@ -37,7 +37,7 @@ def write(folder: Path, name: str, text: str | bytes) -> Path:
 
 def guarded(path: Path) -> Reading:
     """Return what the guards see of a model; a SceneError if they refuse to read it."""
-    root = parse(path)
+    root = parse_model(path)
     named = [each.path for each in FileSearch().iterate_references(path)]
     beside = path.parent
     found = [str(one.relative_to(beside) if one.is_relative_to(beside) else one) for one in named]
@@ -128,7 +128,7 @@ def test_prefixes_that_mean_nothing_are_read_as_mujoco_reads_them(folder: Path) 
     link = '<link name="a"></link>'
     text = f'<robot name="r">{link}<drake:joint><mesh filename="x"/></drake:joint></robot>'
     model = write(folder, "robot.urdf", text)
-    assert [each.tag for each in parse(model).iter()][-2:] == ["drake:joint", "mesh"]
+    assert [each.tag for each in parse_model(model).iter()][-2:] == ["drake:joint", "mesh"]
     assert read(model)[0] == "r"
 
 
@@ -142,7 +142,7 @@ def test_prefixes_that_mean_nothing_are_read_as_mujoco_reads_them(folder: Path) 
 )
 def test_macros_are_found_by_any_prefix(folder: Path, text: str) -> None:
     with pytest.raises(SceneError, match="has macros; expand it first"):
-        parse(write(folder, "robot.urdf", text))
+        parse_model(write(folder, "robot.urdf", text))
 
 
 PIECES = r"""

@@ -77,7 +77,7 @@ def test_what_the_engine_clamps_is_written_as_asked() -> None:
     # our business: the setting and the model say what was asked.
     values = {"timestep": 0.02, "solref.timeconst": 0.001, "solimp.dmin": 1e-9}
     run = SLIDE.resolve(values, 0, None)
-    model = SLIDE.base({}).prepare(run.edits()).model
+    model = SLIDE.base({}).prepare(run.list_edits()).model
     assert model.geom("box").solref[0] == run.settings["solref"][0] == 0.001  # type: ignore[index]
     assert model.geom("box").solimp[0] == 1e-9
 
@@ -109,7 +109,7 @@ def test_an_option_is_the_attribute_of_that_name(name: str) -> None:
         inner = f"<option {name}='{text}'/>"
         wanted = mujoco.MjModel.from_xml_string(f"<mujoco>{inner}</mujoco>")
         value = PARAMETERS[name].parse(text)
-        model = SLIDE.base({}).prepare(SLIDE.resolve({name: value}, 0, None).edits()).model
+        model = SLIDE.base({}).prepare(SLIDE.resolve({name: value}, 0, None).list_edits()).model
         assert np.array_equal(getattr(model.opt, name), getattr(wanted.opt, name))
 
 
@@ -117,7 +117,7 @@ def test_gravity_as_a_magnitude_points_down() -> None:
     for value in (PARAMETERS["gravity"].parse("3.7"), PARAMETERS["gravity"].parse(3.7)):
         run = BALL.resolve({"gravity": value}, 0, None)
         assert run.settings["gravity"] == (0.0, 0.0, -3.7)
-        model = BALL.base({}).prepare(run.edits()).model
+        model = BALL.base({}).prepare(run.list_edits()).model
         assert model.opt.gravity.tolist() == [0.0, 0.0, -3.7]
 
 
@@ -174,12 +174,12 @@ def test_every_axis_says_what_it_is() -> None:
     for scene in (BALL, SLIDE, Scene.open("box_stack")):
         assert len(set(scene.catalogue.names)) == len(scene.catalogue.names)
         for name in scene.catalogue.names:
-            axis = scene.catalogue.find(name)
+            axis = scene.catalogue.find_axis(name)
             assert axis is not None
             assert axis.name == name
             assert axis.description
-            assert all(scene.catalogue.find(other) for other in axis.conflicts)
-    assert PARAMETERS["gravity"] == BALL.catalogue.find("gravity")
+            assert all(scene.catalogue.find_axis(other) for other in axis.conflicts)
+    assert PARAMETERS["gravity"] == BALL.catalogue.find_axis("gravity")
 
 
 def test_a_model_without_contact_has_no_contact_axes(make_scene: Any) -> None:
@@ -187,9 +187,9 @@ def test_a_model_without_contact_has_no_contact_axes(make_scene: Any) -> None:
         "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
     )
     assert scene.base({}).pairs == ()
-    assert scene.catalogue.find("friction") is None
-    assert scene.catalogue.find("timestep") is not None
-    assert scene.catalogue.find("mass") is not None
+    assert scene.catalogue.find_axis("friction") is None
+    assert scene.catalogue.find_axis("timestep") is not None
+    assert scene.catalogue.find_axis("mass") is not None
 
 
 def test_mjcf_has_a_place_for_every_parameter() -> None:

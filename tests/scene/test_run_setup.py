@@ -18,7 +18,7 @@ BALL = "<worldbody><body name='b'><freejoint/><geom size='.1'/></body></worldbod
 def setup(scene: Scene, *values: dict[str, Any], **thresholds: float) -> Setup:
     runs = [scene.resolve(each, 0, None) for each in values or ({},)]
     base = scene.base(runs[0].structure)
-    models = [base.prepare(run.edits()).model for run in runs]
+    models = [base.prepare(run.list_edits()).model for run in runs]
     return make_setup(base, scene.source.manifest, runs, models, thresholds)
 
 

@@ -251,7 +251,7 @@ def trajectory(scene: Scene) -> str:
     run = scene.resolve({}, 5, 0.1)
     base = scene.base(run.structure)
     rollout = roll_out(
-        [base.prepare(run.edits()).model], scene.initial_states([run]), run.steps, Buffers()
+        [base.prepare(run.list_edits()).model], scene.initial_states([run]), run.steps, Buffers()
     )
     return trajectory_hash(rollout, 0)
 

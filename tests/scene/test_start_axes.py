@@ -92,7 +92,7 @@ def test_units_are_those_of_the_joint(scene: Scene) -> None:
         "drop_height": "m",
     }
     for name, unit in units.items():
-        axis = scene.catalogue.find(name)
+        axis = scene.catalogue.find_axis(name)
         assert axis is not None
         assert (name, axis.unit) == (name, unit)
 
@@ -107,7 +107,7 @@ def test_a_set_start_has_an_id_of_its_own_and_an_unset_one_keeps_its_id(scene: S
 
 
 def test_a_height_conflicts_with_the_drop_height(scene: Scene) -> None:
-    axis = scene.catalogue.find("trunk.z")
+    axis = scene.catalogue.find_axis("trunk.z")
     assert axis is not None
     assert axis.conflicts == ("drop_height",)
     assert "trunk.z" not in scene.catalogue.names
@@ -131,7 +131,7 @@ def test_a_manifest_needs_only_its_changes_and_starts_like_the_bare_model(
 
 def test_a_scene_may_define_its_own_drop_height() -> None:
     ball = SceneLoader(None).open("ball_drop")
-    axis = ball.catalogue.find("drop_height")
+    axis = ball.catalogue.find_axis("drop_height")
     assert axis is not None
     assert not ball.catalogue.sets_start("drop_height")
     [first, second] = [

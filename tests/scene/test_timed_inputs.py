@@ -142,7 +142,7 @@ def test_a_text_that_cannot_be_computed_is_said(make_scene: Make) -> None:
 def test_least_values(rest: str, fine: Any, wrong: Any, make_scene: Make) -> None:
     rest = rest.replace("unit: m", "integer: false")
     text = STRUCTURE.format(default=1, rest=f'{rest}, text: "0 {{}} 0.3"')
-    axis = make_scene(MODEL, text).catalogue.find("width")
+    axis = make_scene(MODEL, text).catalogue.find_axis("width")
     assert axis is not None
     assert axis.parse(fine) == fine
     with pytest.raises(ValueError, match="write a"):

@@ -4,7 +4,14 @@ from typing import Any
 
 import pytest
 
-from contactlab.schema.coverage import ActuatorUse, Coverage, Exercised, PairUse, Travel, feature_of
+from contactlab.schema.coverage import (
+    ActuatorUse,
+    Coverage,
+    ExercisedFeatures,
+    PairUse,
+    Travel,
+    feature_of,
+)
 
 STILL = Coverage(joints={"j": Travel(moved=0.001, share=0.001)}, actuators={"a": ActuatorUse()})
 MOVED = Coverage(joints={"j": Travel(moved=0.5, share=0.5)}, actuators={"a": ActuatorUse(force=1)})
@@ -12,9 +19,9 @@ STUCK = Coverage(pairs={"a-b": PairUse(touched=1, stuck=1, friction=1e-4)}, touc
 SLID = Coverage(pairs={"a-b": PairUse(touched=1, slid=0.1, friction=0.5)}, touched=1)
 
 
-def exercised(*coverages: Coverage | None, drive: str = '"hold"') -> Exercised:
+def exercised(*coverages: Coverage | None, drive: str = '"hold"') -> ExercisedFeatures:
     texts = [each and each.model_dump_json(exclude_defaults=True) for each in coverages]
-    return Exercised.of_rows({"coverage": text, "drive": drive} for text in texts)
+    return ExercisedFeatures.of_rows({"coverage": text, "drive": drive} for text in texts)
 
 
 def test_one_run_that_does_it_is_enough() -> None:
@@ -29,7 +36,9 @@ def test_what_all_runs_left_alone_is_named_by_kind() -> None:
 
     def idle(*coverages: Coverage | None) -> tuple[str, ...]:
         texts = (each and each.model_dump_json(exclude_defaults=True) for each in coverages)
-        return Exercised.of_rows({"coverage": each, "pairs": pairs} for each in texts).idle_parts()
+        return ExercisedFeatures.of_rows(
+            {"coverage": each, "pairs": pairs} for each in texts
+        ).idle_parts()
 
     still = "joints never moved: j", "limits never reached: j", "actuators never moved: a"
     assert idle(STILL) == (*still, "pairs never touched: a-b, a-c")
@@ -43,13 +52,16 @@ def test_what_all_runs_left_alone_is_named_by_kind() -> None:
 def test_no_row_is_read_once_one_did_what_is_asked_about() -> None:
     texts = (each.model_dump_json(exclude_defaults=True) for each in (STILL, MOVED, STUCK))
     rows = ({"coverage": text, "drive": None} for text in texts)
-    assert Exercised.of_rows(rows, enough=["actuation"]).describe_lacking(["actuation"]) is None
+    assert (
+        ExercisedFeatures.of_rows(rows, enough=["actuation"]).describe_lacking(["actuation"])
+        is None
+    )
     assert len([*rows]) <= 1, "the first did not, the second did"
 
 
 def test_of_runs_without_coverage_nothing_is_said() -> None:
     assert exercised(STILL, None).describe_lacking(["motion", "limit", "friction"]) is None
-    assert Exercised.of_rows([{"run_id": "old"}]).describe_lacking(["motion"]) is None
+    assert ExercisedFeatures.of_rows([{"run_id": "old"}]).describe_lacking(["motion"]) is None
 
 
 def test_only_parts_that_the_model_has_are_asked_about() -> None:

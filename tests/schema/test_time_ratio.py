@@ -54,6 +54,6 @@ def test_costs_of_one_class_differ_by_a_tenth(ratio: float) -> None:
 
 
 def test_a_scaled_ratio_keeps_its_interval() -> None:
-    scaled = TimeRatio.of(0.5, 0.4, 0.75).scaled(2)
+    scaled = TimeRatio.of(0.5, 0.4, 0.75).scale_ratio(2)
     assert scaled == TimeRatio.of(1.0, 0.8, 1.5)
     assert scaled.half_width == pytest.approx(0.35)

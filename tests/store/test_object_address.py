@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.errors import OutputError
-from contactlab.plugins import extensions
+from contactlab.plugins import find_extensions
 from contactlab.store.store_files import ObjectAddress, parse_address
 
 pytestmark = pytest.mark.long
@@ -19,7 +19,11 @@ NAMES = st.text("abcdefghij0123456789-_. ", min_size=1, max_size=12).filter(
 )
 
 
-@given(st.sampled_from(sorted(extensions("store"))), NAMES, st.lists(NAMES, min_size=1, max_size=4))
+@given(
+    st.sampled_from(sorted(find_extensions("store"))),
+    NAMES,
+    st.lists(NAMES, min_size=1, max_size=4),
+)
 def test_text_and_back(scheme: str, bucket: str, parts: list[str]) -> None:
     text = f"{scheme}://{bucket}/{'/'.join(parts)}"
     address = parse_address(text)

@@ -30,25 +30,25 @@ def test_columns_are_the_rows(store: Path) -> None:
     nothing = columns.numbers("gain")
     assert np.isnan(nothing.values).all()
     assert not nothing.valid.any()
-    values, places = columns.ranked("depth", [-1.0, 0.5])
+    values, places = columns.rank_numbers("depth", [-1.0, 0.5])
     assert values[places].tolist() == numbers.values.tolist()
     assert values.tolist() == sorted({-1.0, 0.5, *numbers.values.tolist()})
-    values, places = columns.ranked("gain", [2.0])
+    values, places = columns.rank_numbers("gain", [2.0])
     assert np.isnan(values).tolist() == [False, True]
     assert places.tolist() == [1, 1, 1]
     for name in ("label", "timestep", "status_reason"):
-        codes, values = columns.coded(name)
+        codes, values = columns.read_codes(name)
         assert [values[code] for code in codes] == [row[name] for row in rows]
         assert len({*values}) == len(values)
     assert [columns.run_id(place) for place in range(3)] == [row["run_id"] for row in rows]
     assert [columns.place_of(row["run_id"]) for row in rows] == [0, 1, 2]
     assert columns.place_of("none") is None
-    distinct = [tuple(row.values()) for row in columns.distinct(["label", "seed"])]
+    distinct = [tuple(row.values()) for row in columns.iterate_distinct(["label", "seed"])]
     assert {*distinct} == {(row["label"], row["seed"]) for row in rows}
     for first in ("trace_file", "status_reason", "seed"):
         given = [{name: row[name] for name in (first, "label")} for row in rows]
         present = [row for row in given if row[first] is not None]
-        assert [*columns.present([first, "label"])] == present
+        assert [*columns.iterate_present([first, "label"])] == present
     assert columns.byte_strings("run_id").tolist() == [row["run_id"].encode() for row in rows]
     assert columns.identify([2, 0]) == [
         {name: rows[place][name] for name in ("run_id", "seed", "timestep")} for place in (2, 0)
@@ -95,7 +95,7 @@ def test_rows_are_found_in_parts_of_row_groups(
     for rows in ([16, 0, 6, 7, 13, 3], [*range(17)]):
         assert columns.select_values(["seed"], rows) == [{"seed": row} for row in rows]
     for start, stop in combinations(range(18), 2):
-        found = columns.between("seed", slice(start, stop))
+        found = columns.read_between("seed", slice(start, stop))
         assert found.to_pylist() == [*range(start, stop)]
     assert columns.numbers("seed").values.tolist() == [*range(17)]
     assert columns.has_value("seed").all()

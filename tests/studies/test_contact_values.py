@@ -7,7 +7,7 @@ import mujoco
 import pytest
 from tests.run.test_task import SQUEEZE
 
-from contactlab.command_line.declaration import declared
+from contactlab.command_line.declaration import find_command
 from contactlab.commands.examine import examine
 from contactlab.commands.explain import explain
 from contactlab.contact.contact_laws import damping_ratio, restitution_from_damping
@@ -166,7 +166,7 @@ def test_too_long_a_step_is_told(tmp_path: Path) -> None:
     settings = ["stiffness=1e9 N/m", "refsafe=false"]
     found = examine(tmp_path / "ball.xml", section=["contacts"], set=settings, output=tmp_path)
     assert "timestep       at most " in render_text(found.describe())
-    failure = declared(examine).failure(found, {})
+    failure = find_command(examine).failure(found, {})
     assert isinstance(failure, ExpectationError)
     assert "is too long for these values" in str(failure)
 

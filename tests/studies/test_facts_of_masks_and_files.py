@@ -8,7 +8,7 @@ import pytest
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
-from contactlab.budget.windows import replay
+from contactlab.budget.windows import replay_motion
 from contactlab.scene.scene_source import find_scene
 from contactlab.schema.examination import Fact
 from contactlab.schema.task import QPOS0
@@ -35,7 +35,7 @@ def passing(plate: int = 2, drop: int = 2, exclude: str = "") -> list[Fact]:
     start = np.empty((1, mujoco.mj_stateSize(model, INTEGRATION)))
     mujoco.mj_getState(model, data, start[0], INTEGRATION)
     motion, masked = Motion(model, start, np.empty((1, 250, 0))), MaskedPassages(model)
-    masked.enter(motion, replay(motion, 0.01, 1), _BEGIN)
+    masked.enter(motion, replay_motion(motion, 0.01, 1), _BEGIN)
     return list(masked.facts())
 
 

@@ -8,7 +8,7 @@ from tests.budget_motions import walker
 
 from contactlab.budget import Motion, Settings
 from contactlab.budget.counted_time import plan_budget
-from contactlab.budget.measuring import evaluations, steps_of
+from contactlab.budget.measuring import count_evaluations, steps_of
 from contactlab.modifications.catalogue import list_rows
 from contactlab.plan.task_options import TaskOptions
 from contactlab.schema.examination import Examination
@@ -36,7 +36,7 @@ def test_a_budget_is_measured_by_less_if_there_is_less_time(
     rows = [row for row in list_rows() if row.applies(motions[0].model)]
     judging = [row for row in rows if row.kind in ("numerics", "model")]
     for few, times in ((rows, 1), (judging, 2), ([], 2)):
-        cost = evaluations(motions[0].model, whole, few) * steps / times
+        cost = count_evaluations(motions[0].model, whole, few) * steps / times
         names = tuple(row.name for row in few)
         assert plan_budget(motions, whole, 1.001 * cost) == (names, whole)
         assert len(plan_budget(motions, whole, 0.999 * cost)[0]) < max(1, len(names))

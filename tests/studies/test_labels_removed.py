@@ -9,7 +9,7 @@ import mujoco
 import pytest
 
 from contactlab.budget import Motion, Settings, Trial, Verdict, error_budget, judge
-from contactlab.budget.measuring import evaluations, steps_of
+from contactlab.budget.measuring import count_evaluations, steps_of
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.schema.examination import RunLabel
 from contactlab.studies.examine.fixes import FixSearch, TaskRepeats
@@ -73,7 +73,7 @@ def test_a_finer_step_takes_more_of_the_time_that_is_left(
     """
 
     def half_more(motions: Sequence[Motion]) -> float:
-        return 1.5 * evaluations(motions[0].model, Settings()) * 2 * steps_of(motions)
+        return 1.5 * count_evaluations(motions[0].model, Settings()) * 2 * steps_of(motions)
 
     monkeypatch.setattr("contactlab.studies.examine.fixes.count_pace", lambda _: 1.0)
     changes = changes_of(tmp_path, ["timestep", "geom_solref"], left=half_more)

@@ -17,7 +17,7 @@ from contactlab.errors import SceneError, SweepFileError
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.schema.success import SuccessReport
-from contactlab.shares import anytime, runs_to_decide, wilson
+from contactlab.shares import anytime_interval, runs_to_decide, wilson_interval
 from contactlab.store.finished_store import Store
 from contactlab.studies.success.decisive_contacts import Parts, choose_pairs
 from contactlab.studies.success.episode_choice import EpisodesUntilDecided
@@ -291,7 +291,9 @@ def test_the_number_that_decides_is_where_wilsons_interval_leaves_the_limit() ->
     for share, limit in ((0.9, 0.8), (0.6, 0.8), (1.0, 0.95)):
         runs = runs_to_decide(share, limit)
         assert runs is not None
-        around = [wilson(round(share * n), n) for n in (int(runs * 0.8), int(runs * 1.2) + 1)]
+        around = [
+            wilson_interval(round(share * n), n) for n in (int(runs * 0.8), int(runs * 1.2) + 1)
+        ]
         inside = [low < limit <= high for low, high in around]
         assert inside == [True, False]
 
@@ -302,7 +304,7 @@ def test_a_sequential_stop_errs_in_at_most_one_of_twenty() -> None:
     rng = np.random.default_rng(0)
     for share in (0.5, 0.8, 0.95):
         counts = np.cumsum(rng.random((1000, 200)) < share, axis=1)
-        ends = {(k, n): anytime(k, n) for n in range(10, 201, 10) for k in range(n + 1)}
+        ends = {(k, n): anytime_interval(k, n) for n in range(10, 201, 10) for k in range(n + 1)}
         wrong = [
             any(
                 not low <= share <= high

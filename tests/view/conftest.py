@@ -36,7 +36,7 @@ class Drawn(NamedTuple):
 
     @property
     def model(self) -> mujoco.MjModel:
-        return self.start.prepared.model
+        return self.start.prepared_model.model
 
 
 @pytest.fixture(scope="session")

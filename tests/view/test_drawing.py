@@ -27,7 +27,7 @@ def corners(polygon: ET.Element) -> np.ndarray:
 
 def test_a_ball_is_drawn_as_a_circle_where_it_is(drawn: Callable[[str], Drawn]) -> None:
     run = drawn("ball")
-    motion = read_motion(run.start.prepared, run.trace, 60.0)
+    motion = read_motion(run.start.prepared_model, run.trace, 60.0)
     for frame in (0, len(motion.time) // 2):
         picture = ET.fromstring(  # noqa: S314 - our own
             f"<svg>{draw_frame(motion, frame, (480, 360))}</svg>"

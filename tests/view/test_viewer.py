@@ -15,7 +15,7 @@ from contactlab.view.render import open_viewer
 scene = Scene.open("ball_drop")
 run = scene.resolve({}, 0, None)
 try:
-    open_viewer(scene.base({}).prepare(run.edits()).model, scene.initial_states([run]))
+    open_viewer(scene.base({}).prepare(run.list_edits()).model, scene.initial_states([run]))
 except SceneError as error:
     print(error)
 """

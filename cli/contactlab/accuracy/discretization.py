@@ -207,7 +207,7 @@ def run_accuracies(
     for run_id, resolved in runs.items():
         note = notes.get(run_id, _EMPTY_NOTE)
         error = note.get(kind, _EMPTY_NOTE)
-        prepared = scene.base_of(resolved).prepare(resolved.edits())
+        prepared = scene.base_of(resolved).prepare(resolved.list_edits())
         solrefs = [pair.solref for pair in prepared.pairs.values()]
         accuracies[run_id] = Accuracy(
             **{f"error_{name}": error.get(name) for name in _ERROR_FIELDS},

@@ -95,7 +95,7 @@ class InterleavedTimer:
         default_factory=dict[str, tuple[mujoco.MjModel, float]]
     )
 
-    def times(
+    def time_runs(
         self,
         runs: Mapping[str, RunSpec],
         work: Mapping[str, Note],

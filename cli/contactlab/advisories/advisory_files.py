@@ -12,7 +12,7 @@ from contactlab import resources
 from contactlab.advisories.field_expressions import FieldExpression
 from contactlab.errors import AdvisoryError, SceneError, did_you_mean, no_file, refuse_pipe
 from contactlab.expression import ExpressionError
-from contactlab.plugins import extensions
+from contactlab.plugins import find_extensions
 from contactlab.schema.advisory import Advisory
 from contactlab.schema.strict_model import check_extent
 
@@ -27,7 +27,7 @@ def list_advisories() -> tuple[Advisory, ...]:
     Raises:
         AdvisoryError: a file is wrong, or two advisories have one id.
     """
-    folders = (extension.load() for extension in extensions(ENTRY_POINTS).values())
+    folders = (extension.load() for extension in find_extensions(ENTRY_POINTS).values())
     files = [
         file
         for folder in folders

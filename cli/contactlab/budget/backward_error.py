@@ -37,7 +37,7 @@ def _measure_run(
     try:
         motion = motion_of_run(runs.models[run], runs.starts, run, runs.steps)
         known_states = None if states is None else states[None]
-        phase = PhaseMeasure(motion, rows, _ALONE, known_states).budget()
+        phase = PhaseMeasure(motion, rows, _ALONE, known_states).measure_budget()
     except EngineError:
         return _NOTHING_MOVES
     worst, energy = phase.run, phase.energy_origin

@@ -24,7 +24,7 @@ _ALONE = sum(
 )
 
 
-class _Violated(NamedTuple):
+class _ViolatedRows(NamedTuple):
     """K rows of constraints that are violated in a state, at rest."""
 
     violations: Floats  # (K,) [m or rad]
@@ -73,7 +73,7 @@ class ConstraintEnergy:
         first = mujoco.mj_stateSize(model, (_WARM_START - 1) & INTEGRATION)
         keys[:, first : first + mujoco.mj_stateSize(model, _WARM_START)] = 0
         numbers, places = dict[bytes, int](), np.full(len(rows), -1)
-        powers, counts, violations = list[float](), list[int](), list[_Violated]()
+        powers, counts, violations = list[float](), list[int](), list[_ViolatedRows]()
         with np.errstate(invalid="ignore", over="ignore"):
             for place in np.flatnonzero(np.isfinite(rows).all(axis=1)):
                 number = places[place] = numbers.setdefault(keys[place].tobytes(), len(numbers))
@@ -92,7 +92,7 @@ class ConstraintEnergy:
         # States that are not finite take the last energy, which is NaN.
         return energies[:, places].reshape(-1, *states.shape[:-1])
 
-    def _evaluate_state(self, state: Floats) -> tuple[float, _Violated | None]:
+    def _evaluate_state(self, state: Floats) -> tuple[float, _ViolatedRows | None]:
         """Return the power of gravity and springs [W], and which constraints are violated."""
         model, data = self._model, self._data
         mujoco.mj_setState(model, data, state, INTEGRATION)
@@ -117,7 +117,7 @@ class ConstraintEnergy:
         violations = violations[rows]
         softness = self._gather_softness(violations, rows)
         shape = data.efc_KBIP[rows, :2]
-        return power, _Violated(violations, springs, forces - springs, powers, shape, *softness)
+        return power, _ViolatedRows(violations, springs, forces - springs, powers, shape, *softness)
 
     def _gather_softness(self, violations: Floats, rows: np.ndarray) -> tuple[Floats, Floats]:
         """Return (K,) depths and (K, 5) solimp that give rows of constraints their impedances."""
@@ -139,7 +139,7 @@ class ConstraintEnergy:
         return depths, solimp
 
     def _given_back(
-        self, violated_rows: list[_Violated], lags: Sequence[float]
+        self, violated_rows: list[_ViolatedRows], lags: Sequence[float]
     ) -> Iterator[Floats]:
         """Yield (K,) work of the forces along violations that shrink in proportion [J]."""
         violations, springs, loads, powers, shapes, depths, solimp = map(

@@ -14,10 +14,15 @@ from dataclasses import dataclass, field, replace
 import mujoco
 import numpy as np
 
-from contactlab.budget.measuring import WINDOW, Settings, evaluations, steps_of
+from contactlab.budget.measuring import WINDOW, Settings, count_evaluations, steps_of
 from contactlab.budget.motion import INTEGRATION, Motion
 from contactlab.budget.step_work import UNIT_SECONDS, StepWork
-from contactlab.budget.windows import count_simulated_steps, count_stages, replay, without_sensors
+from contactlab.budget.windows import (
+    count_simulated_steps,
+    count_stages,
+    replay_motion,
+    without_sensors,
+)
 from contactlab.contact.trace_arrays import Floats
 from contactlab.modifications.catalogue import list_rows
 
@@ -86,7 +91,7 @@ def plan_budget(
         (
             (few, measured)
             for few, measured, times in ladder
-            if evaluations(motions[0].model, measured, few) * steps <= times * seconds
+            if count_evaluations(motions[0].model, measured, few) * steps <= times * seconds
         ),
         ([], quick),
     )
@@ -95,7 +100,7 @@ def plan_budget(
 
 def sample_states(motion: Motion) -> list[tuple[int, Floats]]:
     """Return steps and states of the first seed of a motion, evenly spread over it."""
-    run = replay(motion, WINDOW, 1)
+    run = replay_motion(motion, WINDOW, 1)
     windows = np.flatnonzero(run.valid[0] & np.isfinite(run.starts[0]).all(axis=1))
     if not len(windows):
         return [(0, motion.starts[0])]

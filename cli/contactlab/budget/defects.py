@@ -6,7 +6,7 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.numerical_tolerance import ROUNDING
 
 
-def nearest(end: Floats, others: Floats) -> Floats:
+def find_nearest_distances(end: Floats, others: Floats) -> Floats:
     """Return (M, B) distances of (M, B, 6) velocities from polylines through (M, K, B, 6)."""
     first, along = others[:, :-1], np.diff(others, axis=1)
     away = end[:, None] - first
@@ -40,7 +40,7 @@ def within_slack(velocities: Floats, share: float) -> Floats:
     return np.concatenate([ends[0][:, None], inner, ends[1][:, None]], axis=1)
 
 
-def defects(one: Floats, other: Floats, slack: float = 1.0) -> Floats:
+def measure_defects(one: Floats, other: Floats, slack: float = 1.0) -> Floats:
     """Return (M, B) how far velocities are apart, up to a shift in time by a share of a step.
 
     Both are (M, 2 r + 1, B, 6), from one step before the end of the window to one after, with r of
@@ -53,7 +53,9 @@ def defects(one: Floats, other: Floats, slack: float = 1.0) -> Floats:
     with np.errstate(invalid="ignore", over="ignore"):
         one, other = within_slack(one, slack), within_slack(other, slack)
         ends = one[:, one.shape[1] // 2], other[:, other.shape[1] // 2]
-        apart = np.maximum(nearest(ends[0], other), nearest(ends[1], one))
+        apart = np.maximum(
+            find_nearest_distances(ends[0], other), find_nearest_distances(ends[1], one)
+        )
     return np.where(np.isnan(apart), np.inf, apart)
 
 
@@ -69,7 +71,7 @@ def to_the_limit(quarter: Floats, eighth: Floats) -> Floats:
     return np.where(is_usable, np.maximum(factors, 0.5), 1.0)
 
 
-def paths(velocities: Floats) -> Floats:
+def measure_paths(velocities: Floats) -> Floats:
     """Return (M, B) lengths of paths of velocity, from (M, K, B, 6)."""
     with np.errstate(invalid="ignore", over="ignore"):
         return np.linalg.norm(np.diff(velocities, axis=1), axis=-1).sum(axis=1)
@@ -91,7 +93,7 @@ def energy_defects(end: Floats, around: Floats) -> Floats:
     return np.stack((apart, forgiven), axis=-1)
 
 
-def settled(defects_by_rate: Floats) -> Floats:
+def settle_defects(defects_by_rate: Floats) -> Floats:
     """Return (W,) defects of energy, from (W, 2) of windows that follow upon each other.
 
     The forgiven part of one window is subtracted from the next if the signs differ: an event that
@@ -103,7 +105,7 @@ def settled(defects_by_rate: Floats) -> Floats:
     return apart - np.copysign(back, apart)
 
 
-def drift(shares: Floats) -> float:
+def find_drift(shares: Floats) -> float:
     """Return the drift of sums over windows, from (W,) defects as shares of all energy.
 
     The larger of two. One is the mean of the last third of the sums less that of the first, times

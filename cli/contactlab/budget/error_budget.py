@@ -52,7 +52,7 @@ def error_budget(
     phases, runs = list[PhaseBudget](), list[Run]()
     for motion in motions:  # one after the other: each measure holds models
         measure = PhaseMeasure(motion, chosen_rows, settings, original=original)
-        phases.append(measure.budget())
+        phases.append(measure.measure_budget())
         runs.append(measure.run)
     budget = ErrorBudget(tuple(phases))
     if not settings.measures_time:

@@ -19,14 +19,14 @@ from contactlab.budget.field_changes import (
     build_candidate,
     field_changes,
 )
-from contactlab.budget.measuring import PhaseMeasure, Settings, evaluations, steps_of
+from contactlab.budget.measuring import PhaseMeasure, Settings, count_evaluations, steps_of
 from contactlab.budget.motion import Motion
 from contactlab.budget.readings import ErrorBudget
 from contactlab.budget.reference_distance import FINEST, ChangedModel, distances_to_reference
 from contactlab.budget.restarts import refine_motion
 from contactlab.budget.time_ratios import measure_time_ratios
 from contactlab.budget.verdict import Verdict, VerdictWord, judge
-from contactlab.budget.windows import replay
+from contactlab.budget.windows import replay_motion
 from contactlab.mjcf import OPTIONS
 from contactlab.modifications.catalogue import (
     find_part_fix,
@@ -115,7 +115,7 @@ def candidates_against(motions: Sequence[Motion], verdict: Verdict) -> tuple[Can
     model, changes = motions[0].model, field_changes(motions, verdict)
     usual = (*list_candidates(), *_refine_further(model, verdict))
     if verdict.word == "depends":
-        return (*usual, *without_margins(model), *changes, *harder(model, changes))
+        return (*usual, *without_margins(model), *changes, *raise_impedance(model, changes))
     held_constants = _held_constants(model) if raises_time_constants(model) else ()
     return (*usual, *changes, *held_constants)
 
@@ -162,7 +162,7 @@ def _name_axis(model: mujoco.MjModel, field: str, row: int) -> str:
     return f"{field}[{name_of(model, FIELD_KINDS[field.partition('_')[0]], index)}]"
 
 
-def harder(model: mujoco.MjModel, stiffer: Sequence[Candidate]) -> Iterator[Candidate]:
+def raise_impedance(model: mujoco.MjModel, stiffer: Sequence[Candidate]) -> Iterator[Candidate]:
     """Yield the impedance that a light part needs under a heavy load, alone and with each solref.
 
     Under a force f a constraint yields in proportion to (1 - d) / d A f, with the inverse inertia A
@@ -218,16 +218,16 @@ def _refine_further(model: mujoco.MjModel, verdict: Verdict) -> Iterator[Candida
         yield Candidate(f"1/{rate} of the step", "inaccurate", rate=rate)
 
 
-def further() -> Iterator[Candidate]:
+def list_further_candidates() -> Iterator[Candidate]:
     """Yield further changes of the computation, cheapest first, if the usual ones fail."""
     yield from list_candidates("further")
-    yield finer(RUNGE_KUTTA, 4)
-    yield from (finer(HALF_STEP, times) for times in (8, 16))
-    yield finer(RUNGE_KUTTA, 16)
-    yield finer(HALF_STEP, 32)
+    yield refine_candidate(RUNGE_KUTTA, 4)
+    yield from (refine_candidate(HALF_STEP, times) for times in (8, 16))
+    yield refine_candidate(RUNGE_KUTTA, 16)
+    yield refine_candidate(HALF_STEP, 32)
 
 
-def finer(candidate: Candidate, times: int) -> Candidate:
+def refine_candidate(candidate: Candidate, times: int) -> Candidate:
     """Return a candidate with `times` as many steps."""
     rate = candidate.rate * times
     step = f"{PARTS_OF_A_STEP.get(rate, f'1/{rate} of')} the step"
@@ -236,7 +236,7 @@ def finer(candidate: Candidate, times: int) -> Candidate:
     return replace(candidate, name=name, rate=rate, includes=())
 
 
-def joined(candidates: Sequence[Candidate]) -> Candidate:
+def join_candidates(candidates: Sequence[Candidate]) -> Candidate:
     """Return the candidate that makes several changes, one after the other."""
 
     def change(model: mujoco.MjModel) -> None:
@@ -322,7 +322,7 @@ def try_fixes(
         motions, verdict, word, rows if word == "depends" else (), trial, count_pace(motions)
     )
     comparable = [candidate for candidate in possible if candidate.same_states]
-    if (compared := fix_judge.compared(comparable)) is None:
+    if (compared := fix_judge.compare_candidates(comparable)) is None:
         return tuple(fix_judge.not_ended(candidate) for candidate in possible)
     before, apart_of = compared
     tried_fixes, moved = list[TriedFix](), [(1, before)]
@@ -454,7 +454,9 @@ class _FixJudge(NamedTuple):
             candidate.name, False, word, nothing, None, edits, accept, nothing, nothing, False
         )
 
-    def compared(self, candidates: Sequence[Candidate]) -> tuple[float, dict[str, float]] | None:
+    def compare_candidates(
+        self, candidates: Sequence[Candidate]
+    ) -> tuple[float, dict[str, float]] | None:
         """Return the distances to the reference: of the model, and of candidates by name.
 
         The last candidates are left out if there is no time for them. None if there is no time at
@@ -553,9 +555,15 @@ class _FixJudge(NamedTuple):
                     break
         # If the changed model no longer has the row, its distance to the reference remains.
         share = max(shares, default=apart if candidate.must_come_nearer else math.nan)
-        is_timed = removes and not harms and candidate.same_states
-        ratio = _measure_time_ratio(first, candidate, self._trial_settings) if is_timed else None
-        cost = _count_cost(first, candidate) if is_timed else math.inf
+        ratio, cost = None, math.inf
+        if removes and not harms and candidate.same_states:
+            make_model = partial(changed_model, first.model, candidate)
+            run = replay_motion(first, self._trial_settings.window, 1)
+            timed = {candidate.name: (make_model, candidate.rate)}
+            ratio = measure_time_ratios(first, run, timed).get(candidate.name)
+            states = sample_states(first)
+            own = count_step_seconds(first, first.model, states)
+            cost = candidate.rate * count_step_seconds(first, make_model(), states) / own
         return TriedFix(
             name=candidate.name,
             removes=removes and not harms,
@@ -588,7 +596,7 @@ class _FixJudge(NamedTuple):
             yield from ((some, False) for some in (failed_motions, others) if some)
 
     def _change_motions(self, candidate: Candidate) -> Iterator[Sequence[Motion]]:
-        yield [changed(motion, candidate) for motion in self.motions]
+        yield [change_motion(motion, candidate) for motion in self.motions]
 
     def _removes_verdict(self, new_verdict: Verdict) -> bool:
         return new_verdict.word == "ok" or (
@@ -617,10 +625,10 @@ class _FixJudge(NamedTuple):
         budget, verdict = ErrorBudget(()), self.verdict
         for some, most in ((first, 2 * seeds), (motions, 2)):
             if not self._can_afford(
-                evaluations(model, self._quick_settings, rows) * steps_of(some)
+                count_evaluations(model, self._quick_settings, rows) * steps_of(some)
             ):
                 return None
-            begun = [phase.looked for phase in phases] or begun
+            begun = [phase.first_pass for phase in phases] or begun
             phases.clear()  # so that those of one seed end before others begin
             phases += [
                 PhaseMeasure(motion, rows, settings, begun=looked)
@@ -641,16 +649,19 @@ class _FixJudge(NamedTuple):
         """
         model = motions[0].model
         rows = [row for row in list_rows() if row.name in self.rows]
-        whole = evaluations(model, self._trial_settings, rows, drifts=drifts(self.verdict)) * steps
+        whole = (
+            count_evaluations(model, self._trial_settings, rows, drifts=has_drift(self.verdict))
+            * steps
+        )
         if not self._can_afford(
-            whole - evaluations(model, self._quick_settings, rows) * steps_of(motions)
+            whole - count_evaluations(model, self._quick_settings, rows) * steps_of(motions)
         ):
             return None
-        budget = ErrorBudget(tuple(phase.budget() for phase in phases))
+        budget = ErrorBudget(tuple(phase.measure_budget() for phase in phases))
         return budget, judge(budget, self.verdict.tolerance)
 
 
-def drifts(verdict: Verdict) -> bool:
+def has_drift(verdict: Verdict) -> bool:
     """Return whether a verdict has an energy drift among its reasons."""
     return any(reason.row == "energy" for reason in verdict.reasons)
 
@@ -671,32 +682,13 @@ def changed_model(model: mujoco.MjModel, candidate: Candidate) -> mujoco.MjModel
     return changed_copy
 
 
-def changed(motion: Motion, candidate: Candidate) -> Motion:
+def change_motion(motion: Motion, candidate: Candidate) -> Motion:
     """Return a motion of the changed model, its inputs held at the run's rate."""
     model = changed_model(motion.model, candidate)
     return refine_motion(motion, model, candidate.rate)
 
 
-def _measure_time_ratio(
-    motion: Motion, candidate: Candidate, settings: Settings
-) -> TimeRatio | None:
-    run, make_model = (
-        replay(motion, settings.window, 1),
-        partial(changed_model, motion.model, candidate),
-    )
-    return measure_time_ratios(motion, run, {candidate.name: (make_model, candidate.rate)}).get(
-        candidate.name
-    )
-
-
-def _count_cost(motion: Motion, candidate: Candidate) -> float:
-    states = sample_states(motion)
-    own = count_step_seconds(motion, motion.model, states)
-    changed = changed_model(motion.model, candidate)
-    return candidate.rate * count_step_seconds(motion, changed, states) / own
-
-
-def sentence(reason: BudgetReason, tried_fixes: Sequence[TriedFix]) -> str:
+def describe_reason(reason: BudgetReason, tried_fixes: Sequence[TriedFix]) -> str:
     """Return a reason with the fix that removes it, and its time ratio."""
     removing = [fix for fix in tried_fixes if fix.removes]
     if not removing:

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from contactlab.budget.motion import INTEGRATION
-from contactlab.budget.windows import body_name, gyration, joint_name
+from contactlab.budget.windows import body_name, gyration_radii, joint_name
 from contactlab.contact.trace_arrays import Floats
 
 _CONTACTS = tuple(
@@ -48,7 +48,7 @@ def find_force_place(
     mujoco.mj_forward(model, data)
     jacobian = np.zeros((6, model.nv))
     mujoco.mj_jacBodyCom(model, data, jacobian[:3], jacobian[3:], body)
-    jacobian[3:] *= gyration(model)[body]
+    jacobian[3:] *= gyration_radii(model)[body]
     moved = np.zeros((6, model.nv))
     mujoco.mj_solveM(model, data, moved, jacobian)
     if not one.keys() | other.keys():

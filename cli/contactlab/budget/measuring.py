@@ -11,11 +11,11 @@ import numpy as np
 
 from contactlab.budget.constraint_energy import ConstraintEnergy
 from contactlab.budget.defects import (
-    defects,
-    drift,
     energy_defects,
-    paths,
-    settled,
+    find_drift,
+    measure_defects,
+    measure_paths,
+    settle_defects,
     slack_share,
     to_the_limit,
 )
@@ -26,7 +26,7 @@ from contactlab.budget.force_places import (
     find_force_place,
     sum_impulses,
 )
-from contactlab.budget.motion import GRAVITY_AS_REAL, Motion, pulls, without_delays
+from contactlab.budget.motion import GRAVITY_AS_REAL, Motion, measure_pulls, without_delays
 from contactlab.budget.readings import Origin, PhaseBudget, Reading
 from contactlab.budget.restarts import build_reference_model, run_at_once, scale_of_impulses
 from contactlab.budget.windows import (
@@ -34,12 +34,12 @@ from contactlab.budget.windows import (
     Observer,
     Run,
     Windows,
-    blocks,
     body_name,
     changes_of,
-    gyration,
+    gyration_radii,
     judged_bodies,
-    replay,
+    replay_motion,
+    split_windows,
     without_sensors,
 )
 from contactlab.contact.trace_arrays import Floats
@@ -88,7 +88,7 @@ class Settings:
     workers: int = 1
 
 
-def evaluations(
+def count_evaluations(
     model: mujoco.MjModel,
     settings: Settings,
     rows: Iterable[Row] = (),
@@ -103,10 +103,10 @@ def evaluations(
     finer, smooth = settings.finer, settings.energy and model.opt.integrator != _RK4
     looks = _RK4_RATE * (3 if drifts else 1)
     run_count = finer * (1 + 2 * settings.check) + 4 * looks * smooth
-    return run_count + sum(_count_evaluations(row, finer) for row in (RUN, *rows))
+    return run_count + sum(_count_row_evaluations(row, finer) for row in (RUN, *rows))
 
 
-def _count_evaluations(row: Row, finer: int) -> int:
+def _count_row_evaluations(row: Row, finer: int) -> int:
     rate = finer if row.base == "reference" else 1
     return rate * (len(row.changes) + (row.both is not None))
 
@@ -125,7 +125,7 @@ class PhaseMeasure:
         rows_to_measure: Sequence[Row],
         settings: Settings,
         known_states: Floats | None = None,
-        begun: "Looked | None" = None,
+        begun: "FirstPass | None" = None,
         original: mujoco.MjModel | None = None,
     ) -> None:
         """Repeat the run unless `known_states` has its states.
@@ -146,13 +146,13 @@ class PhaseMeasure:
         self._bodies = judged_bodies(motion.model)
         self._names = tuple(body_name(motion.model, int(body)) for body in self._bodies)
         self._observed = self._places_of(motion.observed)
-        self.run: Run = replay(motion, settings.window, settings.workers, known_states)
+        self.run: Run = replay_motion(motion, settings.window, settings.workers, known_states)
         self._slack = slack_share(self.run.steps)
         self._observer = Observer(motion.model, motion.starts[0], self._bodies, settings.workers)
         self._bases, self._stores = dict[str, mujoco.MjModel](), dict[str, ConstraintEnergy]()
         self._impulses = dict[tuple[str, int, int], Impulses]()
         gravity = 0.0 if is_disabled(motion.model, "gravity") else 1.0
-        self._pulls = pulls(motion, gravity * motion.model.opt.gravity)[..., self._bodies]
+        self._pulls = measure_pulls(motion, gravity * motion.model.opt.gravity)[..., self._bodies]
         self._usual = self._usual_changes()
 
     def _usual_changes(self) -> Floats:
@@ -177,15 +177,15 @@ class PhaseMeasure:
 
     def first_look(self) -> PhaseBudget:
         """Return the budget at h/4, without checks, excess path or RK4."""
-        return self._build_phase(self.looked.values, excess=False)
+        return self._build_phase(self.first_pass.values, excess=False)
 
-    def budget(self) -> PhaseBudget:
+    def measure_budget(self) -> PhaseBudget:
         """Return the budget with those of the wanted rows that the model has.
 
         Errors and windows are of the observed bodies; scales and energies are of all bodies.
         """
-        window_values = self.looked.values
-        for look in self.looked.looks:
+        window_values = self.first_pass.values
+        for look in self.first_pass.looks:
             self._measure_more(look, window_values)
         return self._build_phase(window_values, excess=self._settings.excess)
 
@@ -285,7 +285,7 @@ class PhaseMeasure:
         return changed
 
     @cached_property
-    def looked(self) -> "Looked":
+    def first_pass(self) -> "FirstPass":
         """First pass over all windows with references at h/4, and data for the second pass."""
         run, settings, rows = self.run, self._settings, self._exercised_rows
         shape, looks, seeds = (self._motion.seeds, len(run.begins)), list[_Look](), 0
@@ -294,7 +294,9 @@ class PhaseMeasure:
             looks, seeds = [*self._begun.looks], len(self._begun.values.lost)
             window_values.begin_with(self._begun.values)
         valid = run.valid & (np.arange(shape[0]) >= seeds)[:, None]
-        for block in blocks(self._model, np.argwhere(valid), (run.steps + 1) * settings.finer):
+        for block in split_windows(
+            self._model, np.argwhere(valid), (run.steps + 1) * settings.finer
+        ):
             windows = Windows(self._undelayed, run, settings.workers, block)
             around, lost = self._measure_run(windows, block, window_values)
             looks.append(_Look(block, around["run"], around["reference"]))
@@ -308,13 +310,13 @@ class PhaseMeasure:
                 if row.both is not None:
                     other = rolls(self._compared_model(row), rate)
                 apart = [
-                    defects(rolls(model, rate), other, self._slack)
+                    measure_defects(rolls(model, rate), other, self._slack)
                     for model in self._vary_model(row)
                 ]
                 largest = np.max(apart, axis=0)
                 largest[lost] = 0
                 window_values.apart[row.name][tuple(block.T)] = largest
-        return Looked(window_values, looks)
+        return FirstPass(window_values, looks)
 
     def _measure_run(
         self, windows: Windows, block: np.ndarray, window_values: "_WindowValues"
@@ -328,15 +330,15 @@ class PhaseMeasure:
         """
         finer, steps, place = self._settings.finer, windows.steps, tuple(block.T)
         own, energies = self._observer(windows.own[:, [0, -3, -2, -1]])
-        fine, lost = windows.roll(self._find_base("reference"), finer, whole=True)
+        fine, lost = windows.roll_out(self._find_base("reference"), finer, whole=True)
         path, powers = self._observer(fine[:, : steps * finer + 1 : finer])
         end, end_energies = self._observer(fine[:, (steps - 1) * finer :])
         last = own[:, -3:]
         window_values.lost[place] = lost
         window_values.apart[RUN.name][place] = np.where(
-            lost[:, None], 0, defects(last, end, self._slack)
+            lost[:, None], 0, measure_defects(last, end, self._slack)
         )
-        window_values.path[place] = np.where(lost[:, None], 0, paths(path))
+        window_values.path[place] = np.where(lost[:, None], 0, measure_paths(path))
         window_values.gained[place] = np.where(
             lost[:, None], 0, self._measure_gained(last[:, 1], end[:, finer])
         )
@@ -360,7 +362,7 @@ class PhaseMeasure:
         refsafe gives the run other springs than the reference: these would lift bodies that the
         run's springs let sink, window by window.
         """
-        states = windows.states(np.concatenate([windows.own[:, :1], kept_parts], axis=1))
+        states = windows.restore_states(np.concatenate([windows.own[:, :1], kept_parts], axis=1))
         # Forces of some models depend on the step.
         if self._model.opt.integrator == _DISCRETE or has_step_factors(self._model):
             return np.stack([self._find_energy_store(name)(states) for name in names])
@@ -401,7 +403,7 @@ class PhaseMeasure:
 
     def _energy_by_rk4(self, windows: Windows, total: Floats, rate: int) -> Floats:
         """Return (M, 2) energy defects against RK4 [J]; NaN where it gave up."""
-        states, gave_up = windows.roll(self._make_smooth_model(rate), rate)
+        states, gave_up = windows.roll_out(self._make_smooth_model(rate), rate)
         around = self._observer(states[:, ::rate])[1].sum(axis=-1)
         (stored_energy,) = self._measure_stored(windows, ["RK4"], states[:, ::rate])
         apart = energy_defects(total, around + stored_energy[:, 1:] - stored_energy[:, :1])
@@ -422,7 +424,7 @@ class PhaseMeasure:
         if not np.abs(rk4).mean() > max(least_drift, np.abs(own).mean()):
             return own, rk4
         run, rate = self.run, 2 * _RK4_RATE
-        for block in blocks(self._model, np.argwhere(run.valid), (run.steps + 1) * rate):
+        for block in split_windows(self._model, np.argwhere(run.valid), (run.steps + 1) * rate):
             windows = Windows(self._undelayed, run, self._settings.workers, block)
             place = tuple(block.T)
             window_values.energy_rk4[place] = self._energy_by_rk4(
@@ -436,7 +438,7 @@ class PhaseMeasure:
 
     def _measure_around(self, windows: Windows, model: mujoco.MjModel, rate: int) -> Floats:
         """Return (M, 2 rate + 1, B, 6) velocities of a model around the end; NaN if it gave up."""
-        states, failed = windows.roll(model, rate)
+        states, failed = windows.roll_out(model, rate)
         velocities = self._observer(states)[0]
         velocities[failed] = np.nan
         return velocities
@@ -448,11 +450,13 @@ class PhaseMeasure:
         if settings.check:
             rate = 2 * settings.finer
             finest = self._measure_around(windows, self._build_reference(rate), rate)
-            window_values.checked[place] = defects(look.reference, finest, self._slack)
-            window_values.finer[place] = defects(look.run, finest, self._slack)
+            window_values.checked[place] = measure_defects(look.reference, finest, self._slack)
+            window_values.finer[place] = measure_defects(look.run, finest, self._slack)
         if settings.excess:
             own, lost = self._observer(windows.own[:, :-1])[0], window_values.lost[place][:, None]
-            window_values.excess[place] = np.where(lost, 0, paths(own) - window_values.path[place])
+            window_values.excess[place] = np.where(
+                lost, 0, measure_paths(own) - window_values.path[place]
+            )
             window_values.speed[place] = np.linalg.norm(own, axis=-1).max(axis=1)
         if settings.energy and self._model.opt.integrator != _RK4:
             window_values.energy_rk4[place] = self._energy_by_rk4(
@@ -577,7 +581,7 @@ class PhaseMeasure:
         model = self._model
         size = max(
             model.geom_rbound[model.geom_bodyid > 0].max(initial=0),
-            gyration(model)[self._bodies].max(),
+            gyration_radii(model)[self._bodies].max(),
         )
         weight = self._pulls.mean(axis=1) @ model.body_mass[self._bodies] * size
         usual = GRAVITY_AS_REAL * self._usual @ model.body_mass[self._bodies] * size
@@ -585,7 +589,10 @@ class PhaseMeasure:
         for seed, valid in enumerate(self.run.valid & ~window_values.lost):
             if not valid.any():
                 continue
-            own, gained = settled(parts[seed][valid]), settled(window_values.energy[seed][valid])
+            own, gained = (
+                settle_defects(parts[seed][valid]),
+                settle_defects(window_values.energy[seed][valid]),
+            )
             start, most = window_values.held[seed][valid].T
             with np.errstate(invalid="ignore", over="ignore"):
                 before = np.cumsum(gained) - gained
@@ -596,7 +603,7 @@ class PhaseMeasure:
                 scale = max(had, weight[seed], usual) + 1e-300
                 # No run loses more than there is: a larger loss is a gain of the reference.
                 if (own >= -scale - np.maximum(np.cumsum(own) - own, 0)).all():
-                    found_drifts[seed] = drift(own / scale)
+                    found_drifts[seed] = find_drift(own / scale)
         return found_drifts
 
     def _measure_excess(self, window_values: "_WindowValues", real: Floats) -> Floats:
@@ -664,8 +671,8 @@ class _Look(NamedTuple):
     reference: Floats  # (M, 2 r + 1, B, 6) of the reference there
 
 
-class Looked(NamedTuple):
-    """A first look at windows."""
+class FirstPass(NamedTuple):
+    """Results of the first pass over all windows."""
 
     values: "_WindowValues"
     looks: list[_Look]

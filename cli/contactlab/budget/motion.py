@@ -95,7 +95,7 @@ class Motion:
         return np.broadcast_to(part, (self.seeds, self.steps, width))
 
 
-def pulls(motion: Motion, gravity: Floats) -> Floats:
+def measure_pulls(motion: Motion, gravity: Floats) -> Floats:
     """Return (S, N, nbody) how fast gravity and applied forces would make each tree fall [m/s^2].
 
     A weight may be written as gravity (3,) [m/s^2], or as forces on bodies or free joints.

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from contactlab.budget.defects import defects, paths, slack_share
+from contactlab.budget.defects import measure_defects, measure_paths, slack_share
 from contactlab.budget.measuring import Settings
 from contactlab.budget.motion import GRAVITY_AS_REAL, Motion, without_delays
 from contactlab.budget.restarts import (
@@ -23,10 +23,10 @@ from contactlab.budget.windows import (
     Observer,
     Run,
     Windows,
-    blocks,
     body_name,
     judged_bodies,
-    replay,
+    replay_motion,
+    split_windows,
 )
 from contactlab.modifications.model_predicates import read_gravity
 
@@ -61,7 +61,9 @@ def distances_to_reference(
     # The finest motion is cut into windows of the run's whole steps.
     step = fine_model.opt.timestep * finest
     steps = min(motion.steps, max(1, round(settings.window / step)))
-    fine = replay(refine_motion(undelayed, fine_model, finest), steps * step, settings.workers)
+    fine = replay_motion(
+        refine_motion(undelayed, fine_model, finest), steps * step, settings.workers
+    )
     states = fine.velocity_states[:, ::finest]
     states = np.concatenate([states, states[:, -1:]], axis=1)
     run = Run(steps, fine.begins // finest, fine.starts, states, fine.valid, ())
@@ -71,17 +73,19 @@ def distances_to_reference(
     apart = np.zeros((len(rivals), motion.seeds, len(bodies)))
     real = np.zeros((motion.seeds, len(bodies)))
     most = (run.steps + 1) * max(finest, *(rate for _, rate in models), 1)
-    for block in blocks(fine_model, np.argwhere(run.valid), most):
+    for block in split_windows(fine_model, np.argwhere(run.valid), most):
         windows = Windows(undelayed, run, settings.workers, block)
-        fine_states, lost = windows.roll(fine_model, finest, whole=True)
+        fine_states, lost = windows.roll_out(fine_model, finest, whole=True)
         velocities = observer(fine_states)[0]
-        path = np.where(lost[:, None], 0, paths(velocities[:, : run.steps * finest + 1 : finest]))
+        path = np.where(
+            lost[:, None], 0, measure_paths(velocities[:, : run.steps * finest + 1 : finest])
+        )
         speed = np.linalg.norm(velocities[:, 0], axis=-1) * (block[:, 1] == 0)[:, None]
         np.add.at(real, block[:, 0], path + speed)
         for number, (model, rate) in enumerate(models):
-            changed_states, failed = windows.roll(model, rate)
+            changed_states, failed = windows.roll_out(model, rate)
             around = velocities[:, (run.steps - 1) * finest :]
-            own = defects(observer(changed_states)[0], around, slack_share(run.steps))
+            own = measure_defects(observer(changed_states)[0], around, slack_share(run.steps))
             own[failed] = np.inf
             np.add.at(apart[number], block[:, 0], np.where(lost[:, None], 0, own))
     if not run.valid.any():

@@ -43,28 +43,32 @@ def measure_time_ratios(
     if not length or not changed:
         return {}
     # Fewer of a slow model, so that a turn has several places of the run.
-    one = _Stretches(motion, run, run.steps).ready(motion.model, 1, np.argwhere(run.valid)[:1])
-    one.seconds()  # loads its memory
+    one = _Stretches(motion, run, run.steps).prepare_batch(
+        motion.model, 1, np.argwhere(run.valid)[:1]
+    )
+    one.measure_seconds()  # loads its memory
     turn_places = 3
-    length = min(length, max(1, math.ceil(TURN_SECONDS / (turn_places * one.seconds()))))
+    length = min(length, max(1, math.ceil(TURN_SECONDS / (turn_places * one.measure_seconds()))))
     valid = np.argwhere(run.valid[:, length - 1 :])
     stretches = _Stretches(motion, run, length * run.steps)
     timed_places = valid[:1]
     # One place tells roughly how many are enough, and these tell it better.
     for _ in range(2):
-        own = stretches.ready(motion.model, 1, timed_places)
-        count = max(1, math.ceil(TURN_SECONDS / (own.seconds() / len(timed_places))))
+        own = stretches.prepare_batch(motion.model, 1, timed_places)
+        count = max(1, math.ceil(TURN_SECONDS / (own.measure_seconds() / len(timed_places))))
         few = np.linspace(0, len(valid) - 1, min(count, len(valid))).astype(int)
         timed_places = np.resize(valid[few], (max(count, len(few)), 2))
-    own = stretches.ready(motion.model, 1, timed_places)
+    own = stretches.prepare_batch(motion.model, 1, timed_places)
     held_bytes = 1 << 27  # of models at a time
     most = max(1, held_bytes // motion.model.nbuffer)
     ratios = dict[str, TimeRatio]()
     for begin in range(0, len(changed), most):
         names = [*changed][begin : begin + most]
         model_makers = [changed[name] for name in names]
-        group = [stretches.ready(model(), rate, timed_places) for model, rate in model_makers]
-        timers = [each.seconds for each in (own, *group)]
+        group = [
+            stretches.prepare_batch(model(), rate, timed_places) for model, rate in model_makers
+        ]
+        timers = [each.measure_seconds for each in (own, *group)]
         ratios |= zip(names, compare_times(timers, protocol), strict=True)
     return ratios
 
@@ -77,7 +81,7 @@ class _TimedBatch(NamedTuple):
     steps: int
     inputs: dict[str, Any]
 
-    def seconds(self) -> float:
+    def measure_seconds(self) -> float:
         """Return its thread time [s]."""
         self.batch.state[:] = self.starts
         return stopwatch(lambda: self.batch.rollout(self.steps, record=[], **self.inputs))()
@@ -90,7 +94,7 @@ class _Stretches(NamedTuple):
     run: Run
     steps: int
 
-    def ready(self, model: mujoco.MjModel, rate: int, which: np.ndarray) -> _TimedBatch:
+    def prepare_batch(self, model: mujoco.MjModel, rate: int, which: np.ndarray) -> _TimedBatch:
         """Return a model to be timed from (M, 2) seeds and windows."""
         seeds, windows = which.T
         starts = self.run.starts[seeds, windows]

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.budget.defects import paths
+from contactlab.budget.defects import measure_paths
 from contactlab.budget.motion import INTEGRATION, Motion
 from contactlab.contact.trace_arrays import Floats
 from contactlab.engines.mujoco_batch import PERSISTENT
@@ -136,21 +136,23 @@ class Run:
     warnings: tuple[EngineWarning, ...]
 
 
-def replay(motion: Motion, window: float, workers: int, known_states: Floats | None = None) -> Run:
+def replay_motion(
+    motion: Motion, window: float, workers: int, known_states: Floats | None = None
+) -> Run:
     """Repeat a motion, bit for bit, and cut it into windows of about that length [s].
 
     `known_states` (S, K + 1, nstate) are mjSTATE_INTEGRATION before each of the first K steps, and
     after the last of them. Those steps are not repeated.
     """
     model, steps = without_sensors(motion.model), motion.steps
-    length, begins = cut(motion, window)
+    length, begins = cut_windows(motion, window)
     count = len(begins)
     known_states = motion.starts[:, None] if known_states is None else known_states
     known_steps = known_states.shape[1] - 1
     batch = start_rows(model, known_states[:, -1], workers)
     size = mujoco.mj_stateSize(model, KEPT)
     states = np.full((motion.seeds, steps + 2, size), np.nan)
-    states[:, : known_steps + 1] = parts(model, known_states)
+    states[:, : known_steps + 1] = select_parts(model, known_states)
     starts = np.full((motion.seeds, count, motion.starts.shape[1]), np.nan)
     starts[:, begins <= known_steps] = known_states[:, begins[begins <= known_steps]]
     valid, failed = np.ones((motion.seeds, count), bool), np.zeros(motion.seeds, bool)
@@ -185,14 +187,14 @@ def replay(motion: Motion, window: float, workers: int, known_states: Floats | N
     return Run(length, begins, starts, states, valid, tuple(warnings))
 
 
-def cut(motion: Motion, window: float) -> tuple[int, NDArray[np.intp]]:
+def cut_windows(motion: Motion, window: float) -> tuple[int, NDArray[np.intp]]:
     """Return the steps of windows of about that length [s], and the first step of each."""
     steps = motion.steps
     length = min(steps, max(1, round(window / motion.model.opt.timestep)))
     return length, np.minimum(np.arange(-(-steps // length)) * length, steps - length)
 
 
-def parts(model: mujoco.MjModel, rows: Floats) -> Floats:
+def select_parts(model: mujoco.MjModel, rows: Floats) -> Floats:
     """Return (..., kept) the parts of (..., nstate) states that velocities depend on."""
     return np.concatenate([rows[..., place] for place in _find_places(model)], axis=-1)
 
@@ -273,7 +275,7 @@ class Windows:
             None if rows[0] is None else np.stack([row for row in rows if row is not None])
         )
 
-    def roll(
+    def roll_out(
         self, model: mujoco.MjModel, rate: int, *, whole: bool = False
     ) -> tuple[Floats, np.ndarray]:
         """Roll a model out, `rate` steps to one of the run, inputs held at the run's rate.
@@ -289,13 +291,13 @@ class Windows:
         if first:
             held_inputs = self._hold_inputs(0, first, rate)
             failed = _make_steps(batch, first * rate, held_inputs, self._spec, {})
-        begin = parts(model, batch.state)
+        begin = select_parts(model, batch.state)
         held_inputs = self._hold_inputs(first, self.steps + 1, rate)
         steps = (self.steps + 1 - first) * rate
         states, fails = _roll_out(batch, begin.shape[1], steps, held_inputs, self._spec)
         return np.concatenate([begin[:, None], states], axis=1), failed | fails
 
-    def states(self, kept_parts: Floats) -> Floats:
+    def restore_states(self, kept_parts: Floats) -> Floats:
         """Return (M, K, nstate) states of mjSTATE_INTEGRATION, from (M, K, kept) parts of them.
 
         The rest is as at the begin of each window, except inputs, which are those of its last step.
@@ -310,7 +312,7 @@ class Windows:
         return None if self._inputs is None else self._inputs[:, first:last].repeat(rate, axis=1)
 
 
-def blocks(model: mujoco.MjModel, which: np.ndarray, steps: int) -> list[np.ndarray]:
+def split_windows(model: mujoco.MjModel, which: np.ndarray, steps: int) -> list[np.ndarray]:
     """Cut (M, 2) windows into blocks whose recorded states need little memory."""
     most_numbers, persistent_windows = 1 << 23, 64  # of a block
     most = max(1, most_numbers // (steps * max(1, mujoco.mj_stateSize(model, KEPT))))
@@ -337,7 +339,7 @@ class Observer:
         idle.opt.enableflags &= ~PERSISTENT
         idle.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
         self._places, self._bodies = _find_places(model), bodies
-        self._roots, self._radius = model.body_rootid[bodies], gyration(model)[bodies]
+        self._roots, self._radius = model.body_rootid[bodies], gyration_radii(model)[bodies]
         self._batch = start_rows(idle, np.tile(start, (_CHUNK, 1)), workers)
 
     def __call__(self, states: Floats) -> tuple[Floats, Floats]:
@@ -372,7 +374,7 @@ class Observer:
         energies[:] = sensor_rows["energy"][:, 0]
 
 
-def gyration(model: mujoco.MjModel) -> Floats:
+def gyration_radii(model: mujoco.MjModel) -> Floats:
     """Return (nbody,) the largest radius of gyration of each body [m], 0 without mass."""
     mass = model.body_mass
     share = model.body_inertia.max(axis=1) / np.where(mass > 0, mass, 1)
@@ -393,7 +395,7 @@ def usual_changes(motions: Sequence[Motion]) -> Floats:
     model = motions[0].model
     bodies = judged_bodies(model)
     observer = Observer(model, motions[0].starts[0], bodies, 1)
-    runs = [replay(motion, motion.steps * model.opt.timestep, 1) for motion in motions]
+    runs = [replay_motion(motion, motion.steps * model.opt.timestep, 1) for motion in motions]
     changes = np.zeros(model.nbody)
     changes[bodies] = changes_of(runs, observer) / float(model.opt.timestep)
     return changes
@@ -406,5 +408,5 @@ def changes_of(runs: Sequence[Run], observer: Observer) -> Floats:
         for run in runs
         for states in run.velocity_states[:, :-1]
     ]
-    lengths = [paths(observer(states)[0][None])[0] for states in whole]
+    lengths = [measure_paths(observer(states)[0][None])[0] for states in whole]
     return np.sum(lengths, axis=0) / max(1, sum(len(states) - 1 for states in whole))

@@ -199,7 +199,7 @@ def is_declared(function: object) -> bool:
     return isinstance(getattr(function, "__dict__", {}).get("command"), Command)
 
 
-def declared(function: object) -> Command:
+def find_command(function: object) -> Command:
     """Return the command that a function is declared as; raise PluginError for other objects."""
     if not is_declared(function):
         raise PluginError(f"{function} is not a command; declare it with {__name__}.command")

@@ -31,9 +31,9 @@ def complete_words(words: Sequence[str]) -> list[str]:
     is_place = bool(path.suffix) or "/" in first or ":" in first or path.exists()
     if is_place or first in scene_names():
         return [_EXAMINE, *words]
-    from contactlab.plugins import extensions
+    from contactlab.plugins import find_extensions
 
-    if first not in extensions("command"):
+    if first not in find_extensions("command"):
         near = did_you_mean(first, [*command_modules(), *scene_names()])
         raise SweepFileError(
             f"no command, model or shipped scene '{first}'{near or '; see contactlab --help'}"

@@ -26,7 +26,7 @@ ReportOf = Callable[[Any, Arguments], "Report"]
 """Returns the report of a command, from its result and its parameters."""
 
 
-class Concluded(Protocol):
+class ConcludedReport(Protocol):
     """A report with the exit code of its command."""
 
     exit_code: int
@@ -61,7 +61,7 @@ def publish(report: "ComparisonReport", targets: Sequence[tuple[Path, ReportForm
     from contactlab.store.atomic_files import atomic_write, write_error
     from contactlab.writers import WRITERS
 
-    published = compared(report, {})
+    published = report_comparison(report, {})
     try:
         for path, form in targets:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -74,7 +74,7 @@ def publish(report: "ComparisonReport", targets: Sequence[tuple[Path, ReportForm
     )
 
 
-def compared(report: "ComparisonReport", arguments: Arguments) -> "Report":
+def report_comparison(report: "ComparisonReport", arguments: Arguments) -> "Report":
     """Return the report of a comparison."""
     from contactlab.comparison.report import report_of
 
@@ -94,13 +94,13 @@ def print_report(
     show(text.removesuffix("\n"))
 
 
-def printed(report_of: ReportOf, *forms: ReportFormat) -> dict[str, Show]:
+def list_printers(report_of: ReportOf, *forms: ReportFormat) -> dict[str, Show]:
     """Return the printers of a command's findings, by format: of all formats by default."""
     chosen = forms or (*_FORMATS.values(), "github")
     return {form: partial(print_report, form, report_of) for form in chosen}
 
 
-def failure(report: Concluded, arguments: Arguments) -> ContactlabError | None:
+def find_failure(report: ConcludedReport, arguments: Arguments) -> ContactlabError | None:
     """Return the error if a gate of the report fails or cannot be judged."""
     from contactlab.judge.conclusion import error_of
 

@@ -13,10 +13,10 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from contactlab.command_line.declaration import TITLES, Command, declared
+from contactlab.command_line.declaration import TITLES, Command, find_command
 from contactlab.command_line.front_door import complete_words
 from contactlab.command_line.modules import command_modules, commands_of
-from contactlab.command_line.parser import misunderstood, typed
+from contactlab.command_line.parser import adapt_command, explain_mistake
 from contactlab.command_line.terminal import echo, notice, say
 from contactlab.errors import (
     CommandLineError,
@@ -42,7 +42,7 @@ def command_line(first: str | None = None) -> typer.Typer:
     """
     app = typer.Typer(
         name="contactlab",
-        cls=_Grouped,
+        cls=_GroupedCommands,
         no_args_is_help=True,
         context_settings={"help_option_names": list(_HELP)},
         pretty_exceptions_enable=False,
@@ -55,18 +55,18 @@ def command_line(first: str | None = None) -> typer.Typer:
         _add_command(app, name, commands_of(name), in_list=first in _HELP)
     if first in modules:
         return app
-    from contactlab.plugins import extensions
+    from contactlab.plugins import find_extensions
 
-    for name, installed in extensions("command").items():
+    for name, installed in find_extensions("command").items():
         try:
-            command = declared(installed.load())
-            app.command(name, epilog=command.end_of_help)(typed(command))
+            command = find_command(installed.load())
+            app.command(name, epilog=command.end_of_help)(adapt_command(command))
         except Exception as error:  # noqa: BLE001 - an installed package may raise anything
             say(f"warning: there is no command {name}: {in_one_line(error, __file__)}")
     return app
 
 
-class _Grouped(TyperGroup):
+class _GroupedCommands(TyperGroup):
     """All commands, listed by groups in the help."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - of Click's
@@ -90,18 +90,22 @@ def _add_command(
 ) -> None:
     """Add a command, or a group of commands that share their first word."""
     if [command.name for command in commands] == [name]:
-        app.command(name, epilog=commands[0].end_of_help)(typed(commands[0], in_list=in_list))
+        app.command(name, epilog=commands[0].end_of_help)(
+            adapt_command(commands[0], in_list=in_list)
+        )
         return
     doc = inspect.getdoc(inspect.getmodule(commands[0].function)) or ""
     group = typer.Typer(help=doc.partition("\n")[0], no_args_is_help=True)
     for command in commands:
         inner = command.name.removeprefix(name).strip()
         if inner:
-            group.command(inner, epilog=command.end_of_help)(typed(command, in_list=in_list))
+            group.command(inner, epilog=command.end_of_help)(
+                adapt_command(command, in_list=in_list)
+            )
         else:
             group.callback(
                 invoke_without_command=True, no_args_is_help=False, epilog=command.end_of_help
-            )(typed(command, in_list=in_list, of_group=True))
+            )(adapt_command(command, in_list=in_list, of_group=True))
     app.add_typer(group, name=name)
 
 
@@ -143,7 +147,7 @@ def _run_words(words: Sequence[str]) -> int:
         if (message := error.format_message()).startswith("Usage:"):  # no words: its whole help
             say(message)
             return CommandLineError.exit_code
-        raise misunderstood(error, words) from error
+        raise explain_mistake(error, words) from error
     return code if isinstance(code, int) else 0
 
 

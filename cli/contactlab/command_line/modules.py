@@ -1,6 +1,6 @@
 """The modules of commands, which the entry of the program registers; each is imported when used."""
 
-from contactlab.command_line.declaration import Command, declared, is_declared
+from contactlab.command_line.declaration import Command, find_command, is_declared
 from contactlab.registry import own_parts
 
 
@@ -12,5 +12,5 @@ def command_modules() -> tuple[str, ...]:
 def commands_of(name: str) -> list[Command]:
     """Return the commands that a module declares, in its order."""
     module = own_parts("command module")[name].load()
-    commands = map(declared, filter(is_declared, vars(module).values()))
+    commands = map(find_command, filter(is_declared, vars(module).values()))
     return [command for command in commands if command.function.__module__ == module.__name__]

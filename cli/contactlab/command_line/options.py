@@ -219,7 +219,7 @@ def path_next_to(store: "Address", ending: str) -> Path:
     return target.with_name(f"{target.name}{ending}")
 
 
-def assigned(settings: Settings) -> list[str]:
+def write_assignments(settings: Settings) -> list[str]:
     """Return settings in the form of the command line: `NAME=VALUE,VALUE`."""
     if not isinstance(settings, Mapping):
         return list(settings)

@@ -22,7 +22,7 @@ _WITHOUT_VALUE = re.compile(r"Option '(.*)' requires an argument")
 _NO_COMMAND = re.compile(r"No such command '(.*?)'")
 
 
-def typed(
+def adapt_command(
     command: Command, *, in_list: bool = False, of_group: bool = False
 ) -> Callable[..., None]:
     """Return a command as a function that typer can read: it calls, prints and fails.
@@ -52,7 +52,7 @@ def typed(
     def run(**values: Any) -> None:  # noqa: ANN401 - of all types
         context = values.pop(_CONTEXT, None)
         if context is None or context.invoked_subcommand is None:
-            call(command, values)
+            call_command(command, values)
 
     run.__doc__ = (command.function.__doc__ or "").partition("\n")[0]
     run.__module__ = command.function.__module__
@@ -61,7 +61,7 @@ def typed(
     return run
 
 
-def call(command: Command, values: Arguments) -> None:
+def call_command(command: Command, values: Arguments) -> None:
     """Call a command with the values that typer read, print its result, and raise its failure."""
     if command.group != "extend":
         notice.show()
@@ -173,7 +173,7 @@ def _day_of(name: str, formats: Sequence[str]) -> Callable[[Any], datetime]:
     return read
 
 
-def misunderstood(error: typer.TyperException, words: Sequence[str]) -> CommandLineError:
+def explain_mistake(error: typer.TyperException, words: Sequence[str]) -> CommandLineError:
     """Return the error of a command line: the wrong word, and what to write instead."""
     message = error.format_message()
     path = getattr(getattr(error, "ctx", None), "command_path", None)

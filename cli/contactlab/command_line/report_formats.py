@@ -11,7 +11,7 @@ from contactlab.rendering.document import Document
 from contactlab.rendering.markdown import render_markdown
 
 
-class Described(Protocol):
+class DescribedResult(Protocol):
     """A result that a document describes."""
 
     def describe(self, **options: Any) -> Document:  # noqa: ANN401 - of its own function
@@ -26,7 +26,7 @@ FolderOf = Callable[[Arguments], Path]
 def print_text(folder: FolderOf | None = None, **options: object) -> Show:
     """Return a printer of text as wide as the terminal."""
 
-    def show(result: Described, arguments: Arguments) -> None:
+    def show(result: DescribedResult, arguments: Arguments) -> None:
         print_document(result.describe(**_place_folder(folder, arguments), **options))
 
     return show
@@ -35,7 +35,7 @@ def print_text(folder: FolderOf | None = None, **options: object) -> Show:
 def print_markdown(folder: FolderOf | None = None, name: str = "", **options: object) -> Show:
     """Return a printer of Markdown; `name` is a field that its document names, if it has one."""
 
-    def show(result: Described, arguments: Arguments) -> None:
+    def show(result: DescribedResult, arguments: Arguments) -> None:
         # A report of several models names each of them.
         name_option = {name: str(getattr(result, name, ""))} if name else {}
         document = result.describe(**_place_folder(folder, arguments), **name_option, **options)

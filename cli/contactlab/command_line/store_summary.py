@@ -19,7 +19,7 @@ def summary_json(store: "Store", arguments: Arguments) -> None:
     print_json({"store": str(store.address), **manifest})
 
 
-def unexpected(store: "Store") -> ContactlabError | None:
+def explain_unexpected(store: "Store") -> ContactlabError | None:
     """Return the error of a store with lost runs, or runs that are not as its sweep expects."""
     from contactlab.judge.expectations import EXPECTED, MEANS, RUNS, expectation_findings
 
@@ -54,7 +54,7 @@ def summary_text(store: "Store", arguments: Arguments) -> None:
     print_document(describe_store(store))
 
 
-def expectations(store: "Store", arguments: Arguments) -> "Report":
+def report_expectations(store: "Store", arguments: Arguments) -> "Report":
     """Return the report of the expectations of a sweep."""
     del arguments
     from contactlab.judge.conclusion import exit_code

@@ -15,7 +15,7 @@ from contactlab.errors import EngineError
 from contactlab.step_progress import StepCount, listening_to_steps
 
 if TYPE_CHECKING:
-    from contactlab.run.tasks import BeginCallback, Finished, Stop
+    from contactlab.run.tasks import BeginCallback, FinishedRun, Stop
     from contactlab.tasks.session import Session
 
 Progress = Callable[[int, int], None]
@@ -28,7 +28,7 @@ class Watch:
 
     # Called with the runs in all, those stored already, and the name of a pass over them.
     begin: "BeginCallback"
-    advance: "Callable[[Sequence[Finished]], None]"  # called with runs as they finish
+    advance: "Callable[[Sequence[FinishedRun]], None]"  # called with runs as they finish
     stop: "Stop | None" = None
 
 
@@ -65,7 +65,7 @@ class Surroundings:
             done_count, total = stored, runs
             advance(())
 
-        def advance(finished: "Sequence[Finished]") -> None:
+        def advance(finished: "Sequence[FinishedRun]") -> None:
             nonlocal done_count
             done_count += len(finished)
             if self._progress is not None:

@@ -35,7 +35,7 @@ from contactlab.step_progress import StepCount, finished_share, interrupt_steps
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-    from contactlab.run.tasks import Finished, Stop
+    from contactlab.run.tasks import FinishedRun, Stop
 
 _QUIET_SECONDS = 10.0
 _LEAST_SECONDS_OF_A_RATE = 1.0
@@ -227,7 +227,7 @@ class ProgressDisplay:
             counted = phase or "runs"
             self._console.print(Text(f"{done_count:,} of {total:,} {counted} are stored already"))
 
-    def advance(self, finished: "Sequence[Finished]") -> None:
+    def advance(self, finished: "Sequence[FinishedRun]") -> None:
         """Count runs that just finished."""
         self._done += len(finished)
         for outcome in finished:

@@ -74,7 +74,7 @@ def bisect(
     is_test = "::" in source
     name = source.rpartition("::")[2] if is_test else Path(source).stem
     place = Path("results", "bisect", name) if output is None else Path(output)
-    sweep_options = tuple(sweep_words(opt.assigned(set), workers, allow_code=allow_code))
+    sweep_options = tuple(sweep_words(opt.write_assignments(set), workers, allow_code=allow_code))
     subject = bisection.SweepOutcomes(
         place,
         cache(partial(run_sweep, source, sweep_options=sweep_options, notify=say)),

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Arguments, Option, command, flag
 from contactlab.command_line.judgements import (
-    compared,
-    failure,
     files_to_write,
+    find_failure,
+    list_printers,
     policy_of,
-    printed,
     publish,
+    report_comparison,
 )
 from contactlab.command_line.report_formats import formats_by_type, report_formats
 from contactlab.errors import ContactlabError, OutputError, PolicyError, StoreError
@@ -32,7 +32,7 @@ def _find_failure(
 ) -> ContactlabError | None:
     from contactlab.schema.store_reports import WrittenBaseline
 
-    return None if isinstance(result, WrittenBaseline) else failure(result, arguments)
+    return None if isinstance(result, WrittenBaseline) else find_failure(result, arguments)
 
 
 @command(
@@ -43,7 +43,7 @@ def _find_failure(
         "compare baselines/grasp results/grasp --update",
     ),
     formats=formats_by_type(
-        {"ComparisonReport": printed(compared), "WrittenBaseline": report_formats()}
+        {"ComparisonReport": list_printers(report_comparison), "WrittenBaseline": report_formats()}
     ),
     failure=_find_failure,
 )
@@ -120,8 +120,7 @@ def compare(
             bytes=sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()),
             digest=new_baseline.digest,
         )
-    from contactlab.comparison.compare_stores import compare as compare_stores
-    from contactlab.comparison.compare_stores import unreadable_report
+    from contactlab.comparison.compare_stores import compare_stores, unreadable_report
     from contactlab.judge.waivers import add_waivers, waivers_for
 
     targets = files_to_write(output)
@@ -151,7 +150,7 @@ def compare(
         no_change = ("only the text of its files, or the order of equal elements",)
         added: dict[str, object] = {"model_changes": tuple(changes) or no_change}
         if report.pairs.bitwise_equal == report.pairs.paired > 0 and changes:
-            axes = Store.unchecked(stores[1]).columns.axis_names
+            axes = Store.open_unchecked(stores[1]).columns.axis_names
             added["headline"] = f"{report.headline}; {explain_no_effect(axes, quantities)}"
         report = report.model_copy(update=added)
     publish(report, targets)

@@ -93,7 +93,7 @@ def effects(
     reductions = opt.read_reductions(words, ["far-pairs"])
     request = EffectsRequest(
         source=str(source),
-        assign=opt.assigned(set),
+        assign=opt.write_assignments(set),
         task=task_options,
         max_cpu=read_seconds(max_cpu, "--max-cpu"),
         keep=(keep,) if isinstance(keep, str) else tuple(keep),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Unpack
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Arguments, Option, command, flag
-from contactlab.command_line.judgements import printed
+from contactlab.command_line.judgements import list_printers
 from contactlab.command_line.quantities import read_seconds
 from contactlab.command_line.report_formats import print_markdown, print_text, report_formats
 from contactlab.command_line.surroundings import say
@@ -192,7 +192,7 @@ def _draw_page(
         "full": print_text(details=True, phases=True),
         **report_formats(),
         "markdown": print_markdown(details=True, name="model"),
-        **printed(_list_findings, "junit", "sarif", "github"),
+        **list_printers(_list_findings, "junit", "sarif", "github"),
     },
     failure=_find_failure,
 )
@@ -296,7 +296,7 @@ def examine(
         waivers = read_yaml_as(Path(waivers), Waivers).waive
     request = ExamineRequest(
         model=model_names[0],
-        assign=opt.assigned(set),
+        assign=opt.write_assignments(set),
         task=opt.task_of(**task),
         sections=sections,
         checks=check,

@@ -54,6 +54,6 @@ def fit(
 
     opt.load_plugins(plugin)
     names = free.split(",") if isinstance(free, str) else free
-    request = FitRequest(str(scene), names, opt.assigned(set), fitted, seed, metric)
+    request = FitRequest(str(scene), names, opt.write_assignments(set), fitted, seed, metric)
     with study_session(opt.study_folder("fit", scene, output), workers) as session:
         return fit_settings(request, session)

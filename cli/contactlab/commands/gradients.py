@@ -88,7 +88,7 @@ def gradients(
         str(source),
         output_coordinate,
         _split_names(input) or (),
-        opt.assigned(set),
+        opt.write_assignments(set),
         _split_names(include),
         tolerance,
         refinement,

@@ -185,7 +185,7 @@ def list(
         from contactlab.run.sweep_request import SceneLoader
 
         catalogue = SceneLoader(None).open(str(of)).catalogue
-        axes = [axis for axis in map(catalogue.find, catalogue.names) if axis]
+        axes = [axis for axis in map(catalogue.find_axis, catalogue.names) if axis]
         return Listing(
             ("axis", "unit", "description", "values"),
             [(axis.name, axis.unit, axis.description, ", ".join(axis.choices)) for axis in axes],

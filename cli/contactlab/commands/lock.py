@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Arguments, Option, command, flag
 from contactlab.command_line.judgements import (
-    compared,
-    failure,
     files_to_write,
+    find_failure,
+    list_printers,
     policy_of,
-    printed,
     publish,
+    report_comparison,
 )
 from contactlab.command_line.report_formats import formats_by_type, report_formats
 from contactlab.command_line.surroundings import say
@@ -29,7 +29,7 @@ def _find_failure(
 ) -> ContactlabError | None:
     from contactlab.schema.store_reports import WrittenLock
 
-    return None if isinstance(result, WrittenLock) else failure(result, arguments)
+    return None if isinstance(result, WrittenLock) else find_failure(result, arguments)
 
 
 @command(
@@ -42,7 +42,7 @@ def _find_failure(
     ),
     codes="0 written or unchanged, 1 an outcome changed, 2 bad input, 3 it cannot be judged",
     formats=formats_by_type(
-        {"ComparisonReport": printed(compared), "WrittenLock": report_formats()}
+        {"ComparisonReport": list_printers(report_comparison), "WrittenLock": report_formats()}
     ),
     failure=_find_failure,
 )
@@ -86,7 +86,7 @@ def lock(
         raise OutputError("-o writes the report of --check; name the lock itself by --file")
     rules, targets = policy_of(policy), files_to_write(output)
     sweep_options, store = (
-        sweep_words(opt.assigned(set), workers, allow_code=allow_code),
+        sweep_words(opt.write_assignments(set), workers, allow_code=allow_code),
         Path(source),
     )
     path = Path(file) if file else store.with_name(f"{store.stem}.lock.yaml")

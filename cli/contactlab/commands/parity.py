@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Arguments, Option, command, flag
-from contactlab.command_line.judgements import failure, policy_of, printed
+from contactlab.command_line.judgements import find_failure, list_printers, policy_of
 from contactlab.command_line.report_formats import formats_by_type, report_formats
 from contactlab.command_line.surroundings import say, study_session, surroundings
 from contactlab.command_line.terminal import echo
@@ -40,7 +40,7 @@ def _find_failure(
 ) -> ContactlabError | None:
     from contactlab.studies.parity.parity_report import ParityReport
 
-    return failure(result, arguments) if isinstance(result, ParityReport) else None
+    return find_failure(result, arguments) if isinstance(result, ParityReport) else None
 
 
 def _print_installed(version: str, arguments: Arguments) -> None:
@@ -66,7 +66,7 @@ def _panel_folder(output: str | Path | None) -> Path:
     codes="0 it agrees with MuJoCo, 1 not, 2 bad input, 3 it cannot be judged, 130 interrupted",
     formats=formats_by_type(
         {
-            "ParityReport": printed(_report_of),
+            "ParityReport": list_printers(_report_of),
             "WrittenBundle": report_formats(),
             "EnginePanel": report_formats(lambda given: _panel_folder(given["output"])),
             "str": {"text": _print_installed},
@@ -154,7 +154,7 @@ def parity(
         raise SweepFileError(
             "give SWEEP with --against ENGINE or with --bundle FOLDER, or --from FOLDER alone"
         )
-    overrides = Overrides(opt.assigned(set), opt.assigned(where), limit)
+    overrides = Overrides(opt.write_assignments(set), opt.write_assignments(where), limit)
     if bundle:
         return _write_bundle(str(source), overrides, drive, Path(bundle))
     if from_:
@@ -169,7 +169,7 @@ def parity(
                 read_bundle.panel(Path(from_)), bundled_engine, bundled_engine.device, (), rules
             )
         )
-    engine, changed = _open_engine(str(against), device), tuple(opt.assigned(with_))
+    engine, changed = _open_engine(str(against), device), tuple(opt.write_assignments(with_))
     panel = _make_panel(str(source), engine.name, overrides, changed, drive)
     folder = opt.study_folder("parity", source, output)
     return _compare_runs(ParityRequest(panel, engine, device, changed, policy_of(policy), folder))
@@ -210,13 +210,13 @@ def _compare_engines(
 
 
 def _compare_runs(request: "ParityRequest") -> "ParityReport":
-    from contactlab.run.tasks import Finished
+    from contactlab.run.tasks import FinishedRun
     from contactlab.studies.parity.sweep_parity import compare_runs
 
     with surroundings().watching() as watch:
 
         def advance_watch(compared: "RunParity") -> None:
-            watch.advance([Finished(b"", compared.verdict, compared.verdict, None)])
+            watch.advance([FinishedRun(b"", compared.verdict, compared.verdict, None)])
             if watch.stop is not None and watch.stop.is_set:
                 raise StoppedError("stopped")
 

@@ -81,10 +81,10 @@ def render(
             written.
         StoreError: there is no such store or run, or it has no trace.
     """
-    from contactlab.plugins import extensions
+    from contactlab.plugins import find_extensions
     from contactlab.store.finished_store import Store
 
-    viewers, target = extensions("viewer"), None if output is None else Path(output)
+    viewers, target = find_extensions("viewer"), None if output is None else Path(output)
     suffix = target.suffix.lower().removeprefix(".") if target else ""
     if suffix and suffix not in viewers.keys() - {"window"}:
         endings = ", ".join(f".{name}" for name in viewers if name != "window")
@@ -98,7 +98,7 @@ def render(
         from contactlab.run.stored_runs import prepare_replay
 
         start = prepare_replay(opened, run)
-        viewers["window"].load()(start.prepared.model, start.runs.starts)
+        viewers["window"].load()(start.prepared_model.model, start.runs.starts)
         return None
     write = viewers[suffix].load()
     if isinstance(size, str):

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Arguments, Option, command
-from contactlab.command_line.judgements import printed
+from contactlab.command_line.judgements import list_printers
 from contactlab.command_line.quantities import read_share
 from contactlab.command_line.report_formats import report_formats
 from contactlab.command_line.surroundings import rerun_with_mujoco, say, study_session
@@ -33,7 +33,7 @@ def _list_findings(report: "SuccessReport", arguments: Arguments) -> "Report":
         "success results/recorded",
     ),
     codes="0 as required, 1 a requirement is not met, 2 bad input, 130 interrupted",
-    formats={**report_formats(), **printed(_list_findings, "junit", "github")},
+    formats={**report_formats(), **list_printers(_list_findings, "junit", "github")},
 )
 def success(
     source: Annotated[

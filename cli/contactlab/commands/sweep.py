@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Arguments, Option, command, flag
-from contactlab.command_line.judgements import printed
+from contactlab.command_line.judgements import list_printers
 from contactlab.command_line.report_formats import formats_by_type, report_formats
 from contactlab.command_line.store_summary import (
-    expectations,
+    explain_unexpected,
+    report_expectations,
     summary_csv,
     summary_json,
     summary_text,
-    unexpected,
 )
 from contactlab.command_line.surroundings import rerun_with_mujoco, say, surroundings
 from contactlab.errors import ContactlabError, SweepFileError
@@ -33,7 +33,7 @@ def _find_failure(result: "Store | SweepForecast", arguments: Arguments) -> Cont
     from contactlab.store.finished_store import Store
 
     del arguments
-    return unexpected(result) if isinstance(result, Store) else None
+    return explain_unexpected(result) if isinstance(result, Store) else None
 
 
 @command(
@@ -50,7 +50,7 @@ def _find_failure(result: "Store | SweepForecast", arguments: Arguments) -> Cont
                 "text": summary_text,
                 "json": summary_json,
                 "csv": summary_csv,
-                **printed(expectations, "markdown", "junit", "github"),
+                **list_printers(report_expectations, "markdown", "junit", "github"),
             },
             "SweepForecast": report_formats(),
         }
@@ -154,7 +154,9 @@ def sweep(
         target,
         folder=folder,
         workers=worker_count(workers),
-        overrides=Overrides([*opt.assigned(set), *task.settings], opt.assigned(where), limit),
+        overrides=Overrides(
+            [*opt.write_assignments(set), *task.settings], opt.write_assignments(where), limit
+        ),
         drive=task.drive,
         allow_code=allow_code,
     )
@@ -248,9 +250,9 @@ def _open_cluster(
     """Return the connection to an executor, an entry point; none for this machine."""
     if name == "local":
         return nullcontext()
-    from contactlab.plugins import extensions
+    from contactlab.plugins import find_extensions
 
-    executors = extensions("executor")
+    executors = find_extensions("executor")
     if name not in executors:
         raise SweepFileError(
             f"no executor '{name}'; installed are {', '.join(['local', *executors])}"

@@ -76,7 +76,7 @@ def verify(
         if simulate or sample is not None:
             raise CommandLineError("--simulate and --sample check a whole store; leave out the run")
         return replay_run(Store.open(address), run, allow_code=allow_code)
-    opened = Store.unchecked(address)
+    opened = Store.open_unchecked(address)
     chosen = None
     if sample is not None:
         import numpy as np

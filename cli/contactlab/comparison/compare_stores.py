@@ -63,7 +63,7 @@ _JUDGED_ONE_BY_ONE = {"metric_versions", "thresholds"}
 _ABOUT_RUNS = {"runs", "labels", "metrics", "recommendation"}
 
 
-def compare(
+def compare_stores(
     baseline: Address,
     candidate: Address,
     policy: ComparePolicy = DEFAULT_POLICY,
@@ -116,7 +116,7 @@ def compare(
     transitions = labels.count_transitions()
     sameness = list(_sameness_checks(before, after, policy))
     checks = [
-        _COMPARABLE.single(SAME, "both are sound"),
+        _COMPARABLE.make_single(SAME, "both are sound"),
         *_store_checks(before, after),
         *(check for check, _ in sameness),
     ]
@@ -169,7 +169,7 @@ def _open_store(role: str, address: Address, *, thorough: bool) -> Store:
     try:
         problems = find_problems(address, thorough=thorough)
         if not problems and not thorough:
-            problems = contradictory_records(Store.unchecked(address))
+            problems = contradictory_records(Store.open_unchecked(address))
     except StoreError as error:
         raise StoreError(f"the {role} cannot be read: {error}") from error
     if problems:
@@ -180,7 +180,7 @@ def _open_store(role: str, address: Address, *, thorough: bool) -> Store:
         raise StoreError(
             f"the {role} {address} is not sound: {first}{rest} (see `contactlab verify {address}`)"
         )
-    opened = Store.unchecked(address)
+    opened = Store.open_unchecked(address)
     if opened.manifest.runs == 0:
         raise StoreError(f"the {role} {address} is empty: it holds no runs")
     return opened
@@ -198,7 +198,7 @@ def unreadable_report(error: ContactlabError, policy: ComparePolicy) -> Comparis
         pairs=PairCounts(**dict.fromkeys(PairCounts.model_fields, 0)),
         differences=(),
         transitions=(),
-        findings=(_COMPARABLE.single(NOT_COMPARABLE, str(error)),),
+        findings=(_COMPARABLE.make_single(NOT_COMPARABLE, str(error)),),
         advice=(),
     )
 
@@ -234,7 +234,9 @@ def match_runs(
         none = np.zeros(0, np.intp)
         return policy, Pairing(none, none, none, none)
     if match != "axes":
-        pairing = pair_keys(*for_both(lambda store: store.columns.ids(), (baseline, candidate)))
+        pairing = pair_keys(
+            *for_both(lambda store: store.columns.read_ids(), (baseline, candidate))
+        )
         if len(pairing.baseline):
             return policy.model_copy(update={"match": "id"}), pairing
     by_axes = match != "id"
@@ -310,15 +312,15 @@ def _sameness_checks(
         subject = Subject(f"same {what}", "evidence", level, two_sided=True)
         values = find_difference(baseline, candidate, what)
         if values is None:
-            yield subject.single(SAME, "the same"), None
+            yield subject.make_single(SAME, "the same"), None
             continue
         old, new = values
         difference = Difference(what=what, baseline=old, candidate=new, required=required)
         if is_gate:
-            yield subject.skipped(f"must be the same, but is {old}, now {new}"), difference
+            yield subject.make_skipped(f"must be the same, but is {old}, now {new}"), difference
         else:
             change_text = "the files of the scene changed" if changes_scene else f"{old}, now {new}"
-            yield subject.single(CHANGED, change_text), difference
+            yield subject.make_single(CHANGED, change_text), difference
 
 
 def _store_checks(baseline: Store, candidate: Store) -> Iterator[Finding]:
@@ -337,7 +339,7 @@ def _store_checks(baseline: Store, candidate: Store) -> Iterator[Finding]:
 
 def _warn_store(name: str, warning: str, fine: str) -> Finding:
     subject = Subject(name, "evidence", "warn", two_sided=True)
-    return subject.single(CHANGED if warning else SAME, warning or fine)
+    return subject.make_single(CHANGED if warning else SAME, warning or fine)
 
 
 def draw_conclusion(checks: Sequence[Finding], passed: str = "same") -> tuple[Change, int, str]:

@@ -37,8 +37,8 @@ def judged_share_check(paired: PairedStores, gated: PairedStores) -> Finding:
     ]
     if any(is_too_little(paired, n, total) for n, total, _, _ in unjudged_counts):
         least = format_percent(paired.policy.least_judged)
-        return subject.skipped(f"{'; '.join(phrases)}; at least {least} must be judged")
-    return subject.single(
+        return subject.make_skipped(f"{'; '.join(phrases)}; at least {least} must be judged")
+    return subject.make_single(
         SAME, "; ".join(phrases) or "all of the candidate", judged_count=pairs - apart
     )
 
@@ -56,6 +56,6 @@ def unless_unjudged(
     if finding.outcome == "failed" or not is_too_little(paired, missing, total):
         return finding
     least = format_percent(paired.policy.least_judged)
-    return subject.skipped(
+    return subject.make_skipped(
         f"{out_of(missing, total)} without a value in the baseline; at least {least} must have one"
     )

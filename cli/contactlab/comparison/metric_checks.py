@@ -102,7 +102,7 @@ def _metric_findings(paired: PairedStores) -> Iterator[tuple[Finding, ShownPairs
                 two_sided=rule.better == "none",
             )
             if columns is None:
-                yield subject.skipped(reason or ""), ShownPairs()
+                yield subject.make_skipped(reason or ""), ShownPairs()
             else:
                 rows = slice(None) if member.all() else np.flatnonzero(member)
                 before, after = (column.at(rows) for column in columns)
@@ -185,14 +185,14 @@ class MetricPairs:
             applies = both | (verdicts != SAME)
         runs = int(np.count_nonzero(applies))
         if not runs:
-            return subject.finding(verdicts[:0], "applies to no run"), ShownPairs()
+            return subject.make_finding(verdicts[:0], "applies to no run"), ShownPairs()
         compared = slice(None) if both.all() else both
         before, after = self.baseline.values[compared], self.candidate.values[compared]
         if rule.statistic == "each":
             verdicts[compared] = judge_changes(rule, before, after)
             message = _format_counts(verdicts, runs) or f"within {format_percent(rule.rel)}"
             judged = verdicts if runs == len(verdicts) else verdicts[applies]
-            return subject.finding(judged, message), self._find_worst(rule, verdicts)
+            return subject.make_finding(judged, message), self._find_worst(rule, verdicts)
         all_verdicts = verdicts[applies & ~both]
         parts = [_format_counts(verdicts, runs)] if len(all_verdicts) else []
         if both.any():
@@ -204,7 +204,7 @@ class MetricPairs:
             change = f"median ratio {new:.3g}" if rule.statistic == "ratio" else change
             change += "" if verdict[0] == SAME else f", {NAMES[int(verdict[0])]}"
             parts.insert(0, f"{change} (tolerance {format_percent(rule.rel)})")
-        finding = subject.finding(all_verdicts, "; ".join(parts), judged_count=runs)
+        finding = subject.make_finding(all_verdicts, "; ".join(parts), judged_count=runs)
         return finding, self._find_worst(rule, verdicts)
 
     def _find_worst(self, rule: EffectiveRule, verdicts: Verdicts) -> ShownPairs:
@@ -343,13 +343,13 @@ def remeasured_check(paired: PairedStores, request: Remeasure) -> Finding:
                 ("status", {"ok"}),
                 ("engine_name", before.timed_engines & after.timed_engines),
             ):
-                codes, words = store.columns.coded(column)
+                codes, words = store.columns.read_codes(column)
                 through &= np.array([word in allowed_words for word in words])[codes[own]]
         good = np.flatnonzero(through)
         count = min(request.runs, len(good))
         sample = good[np.linspace(0, len(good) - 1, count).round().astype(int)].tolist()
         if not sample:
-            return subject.skipped("no pair of runs that completed can be timed")
+            return subject.make_skipped("no pair of runs that completed can be timed")
         pairs = paired.run_pairs(sample, [None] * len(sample), [None] * len(sample))
         times = [_time_pair(before, after, pair) for pair in pairs]
         engines = f"{before.engine}, now {after.engine}"
@@ -365,7 +365,7 @@ def remeasured_check(paired: PairedStores, request: Remeasure) -> Finding:
     worst = int(np.argmax(ratios))
     then, now = times[worst]
     worst_pair = pairs[worst].model_copy(update={"baseline": then, "candidate": now})
-    return subject.single(
+    return subject.make_single(
         code, message, [worst_pair] if code != SAME else [], judged_count=len(ratios)
     )
 

@@ -62,10 +62,10 @@ def outcome_checks(paired: PairedStores, against: str = _BASELINE) -> Iterator[F
     if compared is not None:
         (low, high), message, pair_count = compared
         code = WORSE if high < -rules.tolerance else BETTER if low > 0 else SAME
-        checked = subject.single(code, message, judged_count=pair_count)
+        checked = subject.make_single(code, message, judged_count=pair_count)
         yield unless_unjudged(paired, subject, checked, knows & ~knew, knows)
     elif knows.any():
-        yield subject.skipped(f"no run of {against} says how it ended")
+        yield subject.make_skipped(f"no run of {against} says how it ended")
 
 
 def controlled_checks(by_control: PairedStores, of_control: PairedStores) -> Iterator[Finding]:
@@ -79,7 +79,7 @@ def controlled_checks(by_control: PairedStores, of_control: PairedStores) -> Ite
     if compared is not None:
         (low, high), message, pair_count = compared
         subject = Subject("control as the baseline", "outcomes", "warn", two_sided=True)
-        yield subject.single(
+        yield subject.make_single(
             SAME if low <= 0 <= high else CHANGED, message, judged_count=pair_count
         )
 
@@ -169,7 +169,7 @@ def _of_store(store: Store, good: str) -> _Outcomes:
 def _read_outcomes(store: Store, good: str) -> tuple[Mask, Mask]:
     """Return (runs) whether each says how it ended, and whether that is good."""
     if good == _STABLE:
-        codes, words = store.columns.coded("label")
+        codes, words = store.columns.read_codes("label")
         stable = np.array([word == _STABLE for word in words])[codes]
         return np.ones_like(stable), stable
     if SUCCESS not in store.columns.schema.names:

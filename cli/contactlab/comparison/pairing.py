@@ -138,7 +138,7 @@ def _axis_codes(
     numbers_of_words: dict[str | None, int] = {None: 0}
     parts: list[NDArray[np.int64]] = []
     for store in stores:
-        codes, words = store.columns.coded(axis)
+        codes, words = store.columns.read_codes(axis)
         numbers = [numbers_of_words.setdefault(word, len(numbers_of_words)) for word in words]
         parts.append(np.array(numbers, dtype=np.int64)[codes])
     return np.concatenate(parts), ["none" if word is None else word for word in numbers_of_words]
@@ -270,7 +270,7 @@ class PairedStores:
         return before, after
 
     def _coded_labels(self, store: Store) -> Ranks:
-        codes, words = store.columns.coded("label")
+        codes, words = store.columns.read_codes("label")
         indices = np.array([self.ranks.index(word) for word in words], dtype=np.int16)
         return indices[codes[self._side_rows(store)]]
 
@@ -404,7 +404,7 @@ def _axis_setting(store: Store, axis: str) -> str:
         values = store.columns.numbers(axis).values
         low, high = round_values(np.array([values.min(), values.max()]))
         return f"{low:.9g}" if low == high else _SEVERAL
-    codes, words = store.columns.coded(axis)
+    codes, words = store.columns.read_codes(axis)
     used_codes = np.flatnonzero(np.bincount(codes))
     return _SEVERAL if len(used_codes) > 1 else words[used_codes[0]] or "none"
 

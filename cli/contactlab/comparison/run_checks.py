@@ -49,12 +49,14 @@ def unpaired_checks(paired: PairedStores) -> Iterator[Finding]:
     message = f"{out_of(len(missing), total)} not in the candidate"
     worst = unpaired_runs(paired.baseline, "baseline", missing[:MOST_SHOWN].tolist())
     subject = Subject("no missing runs", "runs", paired.policy.missing_runs)
-    yield subject.finding(verdicts, message if len(missing) else f"all {total:,} are there", worst)
+    yield subject.make_finding(
+        verdicts, message if len(missing) else f"all {total:,} are there", worst
+    )
     verdicts = np.full(len(new), CHANGED, dtype=np.int8)
     message = f"{plural(len(new))} not in the baseline"
     worst = unpaired_runs(paired.candidate, "candidate", new[:MOST_SHOWN].tolist())
     subject = Subject("no new runs", "runs", paired.policy.new_runs, two_sided=True)
-    yield subject.finding(verdicts, message if len(new) else "none", worst)
+    yield subject.make_finding(verdicts, message if len(new) else "none", worst)
 
 
 def knife_edge_check(paired: PairedStores) -> Finding:
@@ -70,7 +72,7 @@ def knife_edge_check(paired: PairedStores) -> Finding:
         allowed = format_percent(rules.max_share)
         message = f"{out_of(after, total)}, {before:,} in the baseline ({allowed} may be)"
         message += f"; {plural(excluded)} set apart" if excluded else ""
-    return subject.single(WORSE if too_many else SAME, message, judged_count=total)
+    return subject.make_single(WORSE if too_many else SAME, message, judged_count=total)
 
 
 @dataclass(frozen=True)
@@ -146,7 +148,9 @@ def label_checks(labels: PairLabels) -> Iterator[Finding]:
         for group, member in grouped:
             subject = Subject(f"no new {label}", "labels", rules.level, group)
             if thresholds:
-                yield subject.skipped(f"thresholds differ: {thresholds[0]}, now {thresholds[1]}")
+                yield subject.make_skipped(
+                    f"thresholds differ: {thresholds[0]}, now {thresholds[1]}"
+                )
             else:
                 yield _label_check(labels, subject, rank, np.flatnonzero(member))
 
@@ -154,7 +158,7 @@ def label_checks(labels: PairLabels) -> Iterator[Finding]:
 def _label_check(labels: PairLabels, subject: Subject, rank: int, members: Rows) -> Finding:
     if not labels.find_changed_labels >> rank & 1:
         unchanged = np.full(len(members), SAME, dtype=np.int8)
-        return subject.finding(unchanged, f"none in {plural(len(members))}")
+        return subject.make_finding(unchanged, f"none in {plural(len(members))}")
     gained = labels.gained[members] >> rank & 1 == 1
     lost = labels.lost[members] >> rank & 1 == 1
     allowed, of_pair = labels.is_allowed[members], labels.verdicts[members]
@@ -185,7 +189,7 @@ def _label_check(labels: PairLabels, subject: Subject, rank: int, members: Rows)
         [ranks[code] for code in labels.before[shown_pairs].tolist()],
         [ranks[code] for code in labels.after[shown_pairs].tolist()],
     )
-    return subject.finding(verdicts, "; ".join(parts), worst)
+    return subject.make_finding(verdicts, "; ".join(parts), worst)
 
 
 def _find_obstacle(entry: AllowedTransition, runs: int, paired: PairedStores) -> str | None:
@@ -219,7 +223,7 @@ def expectation_checks(paired: PairedStores) -> Iterator[Finding]:
             shown_pairs, ["met"] * len(shown_pairs), ["not met"] * len(shown_pairs)
         )
         subject = Subject(f"{name} still met", "labels", paired.policy.expectations)
-        finding = subject.finding(verdicts[is_judged], message, worst)
+        finding = subject.make_finding(verdicts[is_judged], message, worst)
         unjudged = ~before.valid & (after.values == 0)
         yield unless_unjudged(paired, subject, finding, unjudged, after.valid)
 
@@ -241,23 +245,23 @@ def recommendation_check(paired: PairedStores) -> Finding:
     now = after.recommendation if after else None
     if before is None or after is None or before.recommendation is None:
         if now is None:
-            return subject.single(SAME, "neither store recommends a configuration")
-        return subject.single(BETTER, f"now recommends {format_settings(now.configuration)}")
+            return subject.make_single(SAME, "neither store recommends a configuration")
+        return subject.make_single(BETTER, f"now recommends {format_settings(now.configuration)}")
     configuration = before.recommendation.configuration
     old = format_settings(configuration) or "the only configuration"
     if now is None:
-        return subject.single(WORSE, f"{old} is not feasible any more, and nothing else is")
+        return subject.make_single(WORSE, f"{old} is not feasible any more, and nothing else is")
 
     new = format_settings(now.configuration)
     same = (each for each in after.configurations if each.configuration == configuration)
     evaluation = next(same, None)
     if evaluation is None or not evaluation.feasible or evaluation.time is None:
-        return subject.single(WORSE, f"{old} is not feasible any more; now recommends {new}")
+        return subject.make_single(WORSE, f"{old} is not feasible any more; now recommends {new}")
     saved = 1 - now.time / evaluation.time
     if saved > max(_LEAST_SAVING, 1 - math.exp(-_time_scatter(before, after))):
         saving_text = f"{new} takes {format_percent(saved)} less time than {old}"
-        return subject.single(CHANGED, saving_text)
-    return subject.single(SAME, old)
+        return subject.make_single(CHANGED, saving_text)
+    return subject.make_single(SAME, old)
 
 
 def _time_scatter(before: TradeoffReport, after: TradeoffReport) -> float:

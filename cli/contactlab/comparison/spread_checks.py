@@ -64,14 +64,14 @@ def spread_expectation_checks(paired: PairedStores) -> Iterator[Finding]:
 def _share_finding(subject: Subject, gained: Mask, lost: Mask, pairs: int, word: str) -> Finding:
     new, lost_count = int(gained.sum()), int(lost.sum())
     if not new and not lost_count:
-        return subject.single(SAME, f"as often in {plural(pairs)}", judged_count=pairs)
+        return subject.make_single(SAME, f"as often in {plural(pairs)}", judged_count=pairs)
     low, high = paired_difference(new, lost_count, pairs)
     code = WORSE if low > 0 else BETTER if high < 0 else SAME
     message = (
         f"{out_of(new, pairs)} newly {word}, {lost_count:,} no longer: {low:+.0%} to {high:+.0%} "
         f"with {format_percent(SURE)}"
     )
-    return subject.single(code, message, judged_count=pairs)
+    return subject.make_single(code, message, judged_count=pairs)
 
 
 def spread_metric_checks(paired: PairedStores) -> Iterator[Finding]:
@@ -98,7 +98,7 @@ def spread_metric_checks(paired: PairedStores) -> Iterator[Finding]:
                 two_sided=unchanged,
             )
             if reason:
-                yield subject.skipped(reason)
+                yield subject.make_skipped(reason)
                 continue
             rows = np.flatnonzero(member)
             before, after = (column.at(rows) for column in columns)
@@ -120,20 +120,20 @@ def spread_finding(
     """Return whether the median change of the pairs that changed is beyond tolerance and chance."""
     pairs = int((before.valid | after.valid).sum())
     if not pairs:
-        return subject.single(SAME, "applies to no run")
+        return subject.make_single(SAME, "applies to no run")
     lost_count, new = (
         int((before.valid & ~after.valid).sum()),
         int((after.valid & ~before.valid).sum()),
     )
     if _are_more(lost_count, new, sure):
-        return subject.single(
+        return subject.make_single(
             MISSING, f"{out_of(lost_count, pairs)} without a value now", judged_count=pairs
         )
     both = before.valid & after.valid
     changed = _changed_pairs(before.values, after.values, rule) & both
     old_values, new_values = before.values[changed], after.values[changed]
     if not len(old_values):
-        return subject.single(SAME, f"the same in {plural(pairs, 'pair')}", judged_count=pairs)
+        return subject.make_single(SAME, f"the same in {plural(pairs, 'pair')}", judged_count=pairs)
     # Changes for the worse, in tolerances and as shares of the baseline's value; of the candidate's
     # if that is 0. A value that is not finite is worse than any other.
     sign = -1.0 if rule.better == "higher" else 1.0
@@ -164,7 +164,7 @@ def spread_finding(
     if len(tolerances) < enough:
         code = SAME
         message += f"; {plural(enough, 'pair')} would tell, there are {len(tolerances)}"
-    return subject.single(code, message, judged_count=pairs)
+    return subject.make_single(code, message, judged_count=pairs)
 
 
 def _changed_pairs(before: Floats, after: Floats, rule: EffectiveRule) -> Mask:

@@ -117,7 +117,7 @@ class AdaptedEngine(SimulationEngine):
 
     def refusal_anywhere(self, scene: Scene, run: RunSpec) -> str | None:
         """Return why it could not simulate a run even if it were installed; None if it could."""
-        if why := self._adapter.refusal(scene.base_of(run).prepare(run.edits()).model):
+        if why := self._adapter.refusal(scene.base_of(run).prepare(run.list_edits()).model):
             return f"the {self.name} engine cannot simulate this: {why}"
         return super().refusal(scene, run)
 

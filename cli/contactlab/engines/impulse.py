@@ -94,7 +94,7 @@ class ImpulseEngine(SimulationEngine):
         base = scene.base_of(run)
         try:
             _require_gravity_alone(scene.initial_states([run]))
-            _find_point_mass(base, base.prepare(run.edits()))
+            _find_point_mass(base, base.prepare(run.list_edits()))
         except SceneError as error:
             return str(error)
         return None

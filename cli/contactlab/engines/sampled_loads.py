@@ -1,7 +1,6 @@
 """Loads of equalities, creep of brakes, and sleeping bodies, from a few states of a run."""
 
 import copy
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -84,8 +83,20 @@ def _worst_sleeper(model: mujoco.MjModel, start: InitialStates, states: Floats) 
             return np.inf
         return float(speeds[sleep.begin - 1, sleep.dofs].max()) * sleep.steps * step
 
+    # The longest sleep of each tree that stands still in more than one state.
+    sleeps = list[_LongestSleep]()
+    for first, count in zip(model.tree_dofadr, model.tree_dofnum, strict=True):
+        dofs = slice(int(first), int(first + count))
+        still: NDArray[np.bool_] = (speeds[:, dofs] == 0).all(axis=1)
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
+        begins, ends = edges[::2], edges[1::2]
+        lasts = ends - begins - 1
+        lasts[ends == len(still)] = np.maximum(lasts[ends == len(still)], _WAKING_STEPS)
+        if lasts.max(initial=0) > 0:
+            longest = int(lasts.argmax())
+            sleeps.append(_LongestSleep(dofs, int(begins[longest]), int(lasts[longest])))
     # Number of checked sleeps: the fastest and longest ones.
-    for sleep in sorted(_find_sleeps(model, speeds), key=estimated_distance)[-4:]:
+    for sleep in sorted(sleeps, key=estimated_distance)[-4:]:
         few = min(_WAKING_STEPS, sleep.steps)
         distance, last = _awake_motion(awake, start, states, (sleep.begin, few))
         distance += last * (sleep.steps - few) * step
@@ -97,20 +108,6 @@ def _worst_sleeper(model: mujoco.MjModel, start: InitialStates, states: Floats) 
             joint = model.dof_jntid[sleep.dofs.start + distance[sleep.dofs].argmax()]
             worst = np.array([most, most / whole, joint, sleep.begin])
     return worst
-
-
-def _find_sleeps(model: mujoco.MjModel, speeds: Floats) -> Iterator[_LongestSleep]:
-    """Yield the longest sleep of each tree that stands still in more than one of (N + 1, nv)."""
-    for first, count in zip(model.tree_dofadr, model.tree_dofnum, strict=True):
-        dofs = slice(int(first), int(first + count))
-        still: NDArray[np.bool_] = (speeds[:, dofs] == 0).all(axis=1)
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
-        begins, ends = edges[::2], edges[1::2]
-        lasts = ends - begins - 1
-        lasts[ends == len(still)] = np.maximum(lasts[ends == len(still)], _WAKING_STEPS)
-        if lasts.max(initial=0) > 0:
-            longest = int(lasts.argmax())
-            yield _LongestSleep(dofs, int(begins[longest]), int(lasts[longest]))
 
 
 def _awake_motion(

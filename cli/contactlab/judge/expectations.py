@@ -21,7 +21,7 @@ def expectation_findings(store: Store) -> Iterator[Finding]:
     met_count, unmet = (manifest.expectations.get(name, 0) for name in ("met", "unmet"))
     all_invalid = manifest.labels.get("invalid", 0) == manifest.runs and not met_count
     if not lost and all_invalid:
-        first = store.columns.arrow(["label_reason"])["label_reason"][:1].to_pylist()
+        first = store.columns.read_arrow(["label_reason"])["label_reason"][:1].to_pylist()
         reason = next(filter(None, first), "without a reason")
         lost, summary = manifest.runs, f"all {manifest.runs:,} runs are invalid: {reason}"
     yield _make_finding(RUNS, "runs", manifest.runs, lost, summary)

@@ -109,12 +109,12 @@ def in_words(measure: Measure) -> str:
     return LIMITS.get(measure.name, Limit(measure.name, measure.unit)).sentence(measure)
 
 
-def exceeding(measures: Sequence[Measure]) -> list[Measure]:
+def find_exceeding(measures: Sequence[Measure]) -> list[Measure]:
     """Return the measures above their limit."""
     return [measure for measure in measures if measure.holds is False]
 
 
-def limited(measures: Sequence[Measure]) -> list[list[Measure]]:
+def find_limited(measures: Sequence[Measure]) -> list[list[Measure]]:
     """Return the measures that have a limit, by name."""
     groups: dict[str, list[Measure]] = {}
     for measure in measures:
@@ -125,8 +125,8 @@ def limited(measures: Sequence[Measure]) -> list[list[Measure]]:
 
 def limit_findings(kind: str, measures: Sequence[Measure]) -> Iterator[Finding]:
     """Yield a finding for all limited measures of one name."""
-    for group in limited(measures):
-        failing = exceeding(group)
+    for group in find_limited(measures):
+        failing = find_exceeding(group)
         worst = worst_of(failing or group)
         yield Finding(
             name=worst.name,

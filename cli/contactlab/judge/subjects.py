@@ -45,7 +45,7 @@ class Subject:
     budget: float = 0.0
     two_sided: bool = False
 
-    def finding(
+    def make_finding(
         self,
         verdicts: Verdicts,
         message: str,
@@ -76,17 +76,17 @@ class Subject:
             worst=tuple(worst[:MOST_SHOWN]),
         )
 
-    def single(
+    def make_single(
         self, code: int, message: str, worst: Pairs = (), *, judged_count: int = 0
     ) -> Finding:
         """Return the finding that one verdict on both stores as a whole makes."""
-        return self.finding(
+        return self.make_finding(
             np.full(1, code, dtype=np.int8), message, worst, judged_count=judged_count
         )
 
-    def skipped(self, reason: str) -> Finding:
+    def make_skipped(self, reason: str) -> Finding:
         """Return the finding of a comparison that was skipped."""
-        none = self.finding(np.zeros(0, dtype=np.int8), reason)
+        none = self.make_finding(np.zeros(0, dtype=np.int8), reason)
         return none.model_copy(update={"outcome": "skipped", "verdict": "not comparable"})
 
     def _judge_counts(

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contactlab.rendering.amounts import format_digits, format_interval, format_percent
 from contactlab.schema.evidence import Setting
 from contactlab.schema.finding import Finding, RunPair
-from contactlab.shares import wilson
+from contactlab.shares import wilson_interval
 
 
 def value_change(baseline: float, candidate: float, unit: str) -> str:
@@ -32,7 +32,7 @@ def format_change(before: float, after: float, unit: str, digits: int) -> str:
 
 def share_with_interval(good: int, runs: int) -> str:
     """Return `80 % (58 to 92 %)`: a share of draws, and Wilson's interval of 95 %."""
-    return with_interval(good / runs, *wilson(good, runs))
+    return with_interval(good / runs, *wilson_interval(good, runs))
 
 
 def with_interval(share: float, low: float, high: float) -> str:

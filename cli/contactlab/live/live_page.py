@@ -70,7 +70,7 @@ def write_live_page(
 
 
 def _representative_runs(store: Store) -> list[str]:
-    labels = store.columns.coded("label")
+    labels = store.columns.read_codes("label")
     ranks = {name: place for place, name in enumerate(LABELS)}
     worst = np.array([ranks.get(str(name), len(ranks)) for name in labels.values])[labels.codes]
     order = np.argsort(worst, kind="stable")

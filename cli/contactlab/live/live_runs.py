@@ -211,7 +211,7 @@ class LiveRuns:
         controls: RecordedControls | None,
     ) -> Iterator[Switch]:
         for fix in self.examination.fixes if self.examination else ():
-            specs = {name: self._scene.catalogue.find(name) for name in fix.settings}
+            specs = {name: self._scene.catalogue.find_axis(name) for name in fix.settings}
             if fix.is_structural or None in specs.values():
                 continue
             values = {

@@ -43,15 +43,15 @@ def offered_values(
     `axes` are the canonical values of the axes that the run was given. Further numbers are offered
     between swept ones, except for the structure, since each of its values needs a compiled model.
     """
-    swept_axes = [spec for spec in map(scene.catalogue.find, axes) if spec is not None]
+    swept_axes = [spec for spec in map(scene.catalogue.find_axis, axes) if spec is not None]
     structure = scene.resolve({}, 0, None).structure
     for spec in swept_axes:
-        own, stored = axes[spec.name], columns.coded(spec.name).values
+        own, stored = axes[spec.name], columns.read_codes(spec.name).values
         swept = [spec.parse(value) for value in stored if value is not None]
         finer = [] if spec.name in structure else _values_between(swept)
         yield spec, own, _accepted_values(spec, own, [*swept, *finer])
     for name, (place, offered) in _USUAL_VALUES.items():
-        spec, setting = scene.catalogue.find(name), record.settings.get(attribute_of(name))
+        spec, setting = scene.catalogue.find_axis(name), record.settings.get(attribute_of(name))
         if (
             spec is None
             or setting is None

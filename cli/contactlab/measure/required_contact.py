@@ -100,19 +100,19 @@ class _RequiredStretch:
         return self.inside & (modes != NO_CONTACT).any(axis=0)
 
     @property
-    def untouched(self) -> Mask:
+    def untouched_steps(self) -> Mask:
         """(N,) whether none of the pairs touches although one must."""
         must = self.expected.word in _REQUIRED_VERBS or self.expected.force[0] > 0
         must &= self.expected.has_times or not self.touching.any()
         return self.inside & ~self.touching & must
 
-    def pressed(self, row: int) -> Mask:
+    def pressed_steps(self, row: int) -> Mask:
         """Return (N,) whether a pair carries force."""
         return self.inside & (self.context.net.series.normal[row, self.run] > 0)
 
-    def unturned(self, row: int) -> Mask:
+    def unturned_steps(self, row: int) -> Mask:
         """Return (N,) whether a pair sticks and does not turn."""
-        still = self.pressed(row) & (self.context.net.rolling[row, self.run] <= TURNING)
+        still = self.pressed_steps(row) & (self.context.net.rolling[row, self.run] <= TURNING)
         return still & (self.context.net.series.mode[row, self.run] == STICK)
 
     @property
@@ -174,13 +174,13 @@ def _stretch_margins(stretch: _RequiredStretch) -> Iterator[float]:
                 yield 1 - longest_stretch(stretch.in_mode(row, mode)) / width
     if stretch.expected.end is not None:
         return
-    yield 1 - longest_stretch(stretch.untouched) / width
+    yield 1 - longest_stretch(stretch.untouched_steps) / width
     for _, row in stretch.pairs:
         if word == "apart":
-            time = longest_stretch(stretch.pressed(row))
+            time = longest_stretch(stretch.pressed_steps(row))
             yield -time / width if time else 1.0
         elif word == "rolls":
-            yield 1 - longest_stretch(stretch.unturned(row)) / width
+            yield 1 - longest_stretch(stretch.unturned_steps(row)) / width
         elif word == "shallow" and np.isfinite(depth := stretch.depth(row)).all():
             yield 1 - float(depth.max()) / stretch.expected.depth
     if word == "presses" and not np.isnan(force := stretch.mean_force).all():
@@ -210,17 +210,17 @@ def _find_mismatches(stretch: _RequiredStretch) -> Faults:
     if expected.end is not None:
         return
     least, most = expected.force
-    apart = long_stretches(stretch.untouched, stretch.width)
+    apart = long_stretches(stretch.untouched_steps, stretch.width)
     if apart.any():
         verb = _REQUIRED_VERBS.get(word, f"press with {least:.3g} N or more")
         observation = f"touches nothing for {np.count_nonzero(apart) * timestep:.3g} s"
         yield f"{expected.name} should {verb}", observation, apart
     for name, row in stretch.pairs:
-        if word == "apart" and (pressed := stretch.pressed(row)).any():
+        if word == "apart" and (pressed := stretch.pressed_steps(row)).any():
             force = stretch.context.net.series.normal[row, stretch.run, pressed].max()
             yield f"{name} should be apart", f"presses with up to {force:.3g} N", pressed
         elif word == "rolls":
-            still = long_stretches(stretch.unturned(row), stretch.width)
+            still = long_stretches(stretch.unturned_steps(row), stretch.width)
             if still.any():
                 time = np.count_nonzero(still) * timestep
                 yield f"{name} should roll", f"does not turn for {time:.3g} s", still

@@ -41,7 +41,7 @@ def solver_iterations(context: Context) -> Floats:
 @metric("1", "lower", kind="work")
 def saturated_share(context: Context) -> Floats:
     """Share of the steps in which an island used all its iterations; alone not a failure."""
-    return share(saturated(context))
+    return share(is_saturated(context))
 
 
 @metric("1", kind="work")
@@ -81,7 +81,7 @@ def solver_nonconvergence(runs: MeasuredRuns) -> OnsetIterator:
     """The solver used all its iterations, and forces and accelerations still differ."""
     context, allowed = runs.context, runs.context.setup.iterations
     # A hit alone is not a failure: one allowed iteration solves an easy problem.
-    hit = saturated(context)
+    hit = is_saturated(context)
     residual = sustained_residual(context, hit)
     for run in runs_where(residual > runs.limits[TOLERANCE.name]):
         share = format_percent(float(hit[run].mean()))
@@ -113,7 +113,7 @@ def unrecorded_contacts(runs: MeasuredRuns) -> OnsetIterator:
 
 
 @cached
-def saturated(context: Context) -> NDArray[np.bool_]:
+def is_saturated(context: Context) -> NDArray[np.bool_]:
     """Return (n, N) whether the solver used all allowed iterations."""
     return context.trace.iterations_most >= context.setup.iterations[:, None]
 
@@ -127,7 +127,7 @@ def _has_constraints(context: Context) -> NDArray[np.bool_]:
 def stuck_share(context: Context) -> Floats:
     """Return (n,) the share of steps with all iterations used, among those with constraints."""
     constrained = _has_constraints(context)
-    return count(saturated(context) & constrained) / count(constrained)
+    return count(is_saturated(context) & constrained) / count(constrained)
 
 
 def sustained_residual(context: Context, where: NDArray[np.bool_]) -> Floats:
@@ -217,7 +217,7 @@ def solver_inconsistent(runs: MeasuredRuns) -> OnsetIterator:
         yield run, Onset(f"{reason} (limit {format_percent(limit)})", 0)
     if checks is None:
         return
-    early = ~saturated(context)
+    early = ~is_saturated(context)
     residual, limit = sustained_residual(context, early), runs.limits[TOLERANCE.name]
     resolved = resolved_runs(context)
     # If the solver converged, a few wrong forces may not matter for the motion.

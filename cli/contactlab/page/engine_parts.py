@@ -59,7 +59,7 @@ def engine_parts(data: ReportData, parity: Path | None) -> EngineParts | None:
     """Return the parts on the engines of a store; None for one engine without a report."""
     report = _read_parity(parity, data) if parity else None
     # The rows of each engine's runs, MuJoCo's first.
-    names = data.store.columns.coded("engine_name")
+    names = data.store.columns.read_codes("engine_name")
     if report is None and len(names.values) < 2:
         return None
     engine_runs = {
@@ -72,7 +72,10 @@ def engine_parts(data: ReportData, parity: Path | None) -> EngineParts | None:
     gate = _gate_of_report(report) if report else _gate_of_store(data, codes)
     engine_costs = list[EngineCost]()
     columns, failed = data.store.columns, data.labels.failed
-    versions, seconds = columns.coded("engine_version"), columns.numbers("cost_cpu_per_sim_s")[0]
+    versions, seconds = (
+        columns.read_codes("engine_version"),
+        columns.numbers("cost_cpu_per_sim_s")[0],
+    )
     first = math.nan
     for engine_name, own_rows in codes.items():
         costs = seconds[own_rows][np.isfinite(seconds[own_rows])]

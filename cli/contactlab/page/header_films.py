@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from contactlab.errors import ContactlabError, OutputError, SceneError
-from contactlab.plugins import extensions
+from contactlab.plugins import find_extensions
 from contactlab.reporting.report import ReportData
 from contactlab.store.finished_store import Store
 
@@ -204,7 +204,7 @@ def _load_viewer(kind: str) -> Any:  # noqa: ANN401 - a function
     """Return the viewer that draws files of a kind; a ContactlabError names a missing package."""
     if find_spec("mujoco") is None:
         raise OutputError(f".{kind} needs mujoco, which is not installed; pip install mujoco")
-    return extensions("viewer")[kind].load()
+    return find_extensions("viewer")[kind].load()
 
 
 def film_in(file: Path, words: str) -> HeaderFilm | None:

@@ -18,7 +18,7 @@ from contactlab.charts import (
     layer_of,
     word_colours,
 )
-from contactlab.comparison.compare_stores import DEFAULT_POLICY, compare, match_runs
+from contactlab.comparison.compare_stores import DEFAULT_POLICY, compare_stores, match_runs
 from contactlab.comparison.pairing import Pairing
 from contactlab.contact.trace_arrays import Floats
 from contactlab.page.inferred_cells import NOT_INFERRED, agreed_labels
@@ -306,7 +306,7 @@ class BaselineComparison(NamedTuple):
 def compare_with_baseline(data: ReportData, baseline: Store) -> BaselineComparison:
     """Compare a store with a baseline; a StoreError says that one is damaged, or no run shared."""
     store = data.store
-    report = compare(baseline.address, store.address)
+    report = compare_stores(baseline.address, store.address)
     policy, pairing = match_runs(baseline, store, DEFAULT_POLICY)
     option = "" if policy.match == "id" else " --match axes"
     return BaselineComparison(

@@ -215,7 +215,7 @@ def _run_columns(
     all_bits, few_bits = 23, 11
     bits = all_bits if len(rows) <= _RULES.most_precise_runs else few_bits
     columns: dict[str, NDArray[Any]] = {
-        "id": run_id_halves(data.store.columns.ids()[rows]),
+        "id": run_id_halves(data.store.columns.read_ids()[rows]),
         "label": packed_integers(labels.codes[rows]),
         "labels": (masks & 0xFFFFFFFF).astype("u4"),
         "labels:high": (masks >> 32).astype("u4"),

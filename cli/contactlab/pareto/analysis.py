@@ -12,7 +12,7 @@ from contactlab.pareto.configurations import (
     ESTIMATES,
     PASS_COLUMNS,
     STABLE,
-    Evaluated,
+    EvaluatedConfiguration,
     ResolvedCriteria,
     StoredNumbers,
     StoredRuns,
@@ -37,7 +37,7 @@ from contactlab.pareto.recommendation import (
     setting_text,
 )
 from contactlab.rendering.amounts import format_percent
-from contactlab.schema.coverage import Exercised, Feature, feature_of
+from contactlab.schema.coverage import ExercisedFeatures, Feature, feature_of
 from contactlab.schema.tradeoff_report import (
     Blocker,
     Configuration,
@@ -126,8 +126,8 @@ def _untested_knobs(store: Store, runs: StoredRuns) -> Iterator[str]:
             concerned.setdefault(feature, []).append(name)
     if not concerned:
         return
-    exercised = Exercised.of_rows(
-        store.columns.distinct(_COVERAGE_COLUMNS), enough=concerned.keys()
+    exercised = ExercisedFeatures.of_rows(
+        store.columns.iterate_distinct(_COVERAGE_COLUMNS), enough=concerned.keys()
     )
     for feature, names in concerned.items():
         if lack := exercised.describe_lacking([feature]):
@@ -138,7 +138,9 @@ def _front_point(summary: Configuration) -> FrontPoint:
     return FrontPoint(**summary.model_dump(include={*FrontPoint.model_fields}))
 
 
-def _make_recommendation(store: Store, near: Sequence[Evaluated]) -> Recommendation | None:
+def _make_recommendation(
+    store: Store, near: Sequence[EvaluatedConfiguration]
+) -> Recommendation | None:
     if not near:
         return None
     chosen, *others = near
@@ -149,7 +151,7 @@ def _make_recommendation(store: Store, near: Sequence[Evaluated]) -> Recommendat
     )
 
 
-def _find_blockers(evaluated: Sequence[Evaluated]) -> Iterator[Blocker]:
+def _find_blockers(evaluated: Sequence[EvaluatedConfiguration]) -> Iterator[Blocker]:
     exceeded = Counter(name for configuration in evaluated for name in configuration.exceeded)
     failed = Counter(label for configuration in evaluated for label in configuration.failures)
     for name, count in (exceeded + failed).most_common():
@@ -186,7 +188,7 @@ def _measurement_notes(report: TradeoffReport) -> Iterator[str]:
 
 
 def _report_notes(
-    report: TradeoffReport, runs: StoredRuns, chosen: Evaluated | None, short: int
+    report: TradeoffReport, runs: StoredRuns, chosen: EvaluatedConfiguration | None, short: int
 ) -> Iterator[str]:
     yield from _measurement_notes(report)
     if "tied" in runs.solref_rules:

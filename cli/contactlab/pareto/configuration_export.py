@@ -1,7 +1,7 @@
 """Exports a configuration as a sweep file that repeats it from fresh seeds."""
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from contactlab import resources
@@ -71,23 +71,20 @@ def recommended_sweep(
         "checks": sweep.checks,
         "latency_budget": sweep.latency_budget,
     }
-    head = f"# Chosen among {len(report.configurations)} configurations of {report.store}."
-    return "\n".join([head, *_yaml_lines(content)]) + "\n"
-
-
-def _yaml_lines(content: Mapping[str, object]) -> Iterator[str]:
-    """Yield YAML with values in JSON, one key per line, without empty values."""
+    # YAML with values in JSON, one key per line, without empty values.
+    lines = [f"# Chosen among {len(report.configurations)} configurations of {report.store}."]
     for name, value in content.items():
         if value in (None, {}, []):
             continue
         if name in {"axes", "tolerances"} and isinstance(value, dict):
-            yield f"{name}:"
-            yield from (f"  {key}: {json.dumps(setting)}" for key, setting in value.items())
+            lines.append(f"{name}:")
+            lines += [f"  {key}: {json.dumps(setting)}" for key, setting in value.items()]
         elif isinstance(value, list) and name != "seeds":
-            yield f"{name}:"
-            yield from (f"  - {json.dumps(item)}" for item in value)
+            lines.append(f"{name}:")
+            lines += [f"  - {json.dumps(item)}" for item in value]
         else:
-            yield f"{name}: {json.dumps(value)}"
+            lines.append(f"{name}: {json.dumps(value)}")
+    return "\n".join(lines) + "\n"
 
 
 def _scene_reference(store: Store, reference: str, folder: Path) -> str:

@@ -19,7 +19,7 @@ from contactlab.schema.tradeoff_report import (
     TimeMeasure,
 )
 from contactlab.schema.vocabulary import Role
-from contactlab.shares import wilson
+from contactlab.shares import wilson_interval
 from contactlab.store.finished_store import Store
 from contactlab.store.run_columns import CodedColumn, RunColumns
 
@@ -60,7 +60,7 @@ def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
 
     def of(kind: Role) -> dict[str, CodedColumn]:
         swept = [name for name in columns.axis_names if roles.get(name, "knob") == kind]
-        return {name: _compact_codes(columns.coded(name)) for name in swept}
+        return {name: _compact_codes(columns.read_codes(name)) for name in swept}
 
     first = store.manifest.sweep.baseline
     place = None if first is None else columns.place_of(first)
@@ -75,10 +75,10 @@ def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
     return StoredRuns(
         knobs=of("knob"),
         scenarios=of("scenario"),
-        seeds=_compact_codes(columns.coded("seed")),
-        labels=_compact_codes(columns.coded("label")),
+        seeds=_compact_codes(columns.read_codes("seed")),
+        labels=_compact_codes(columns.read_codes("label")),
         numbers=StoredNumbers(columns, names),
-        solref_rules=columns.coded(_SOLREF_RULE).values if _SOLREF_RULE in present else (),
+        solref_rules=columns.read_codes(_SOLREF_RULE).values if _SOLREF_RULE in present else (),
         baseline=place,
         written_options=written_options,
     )
@@ -178,7 +178,7 @@ class ResolvedCriteria:
 
 
 @dataclass(frozen=True)
-class Evaluated:
+class EvaluatedConfiguration:
     """One configuration."""
 
     summary: Configuration
@@ -216,13 +216,13 @@ class _Figures(NamedTuple):
 
 def evaluate_configurations(
     runs: StoredRuns, criteria: ResolvedCriteria, groups: GroupedRuns
-) -> list[Evaluated]:
+) -> list[EvaluatedConfiguration]:
     """Evaluate every configuration, the model as written first, then in the order of the plan.
 
     A configuration is feasible if it was run in every scenario and seed of any other, has no
     failure label in any of them, meets every tolerance in the worst of them, and was timed.
     """
-    evaluated = list[Evaluated]()
+    evaluated = list[EvaluatedConfiguration]()
     firsts, counts = groups.order[groups.starts].tolist(), groups.counts.tolist()
     each = zip(
         firsts,
@@ -305,13 +305,13 @@ def _evaluate_one(
     figures: _Figures,
     criteria: ResolvedCriteria,
     ran: tuple[int, int],
-) -> Evaluated:
+) -> EvaluatedConfiguration:
     (cases, every), limits, worst = ran, criteria.tolerances, figures.worst
     runs = sum(figures.labels.values())
     exceeded = tuple(
         name for name, limit in limits.items() if (value := worst[name]) is None or value > limit
     )
-    low, high = wilson(figures.good, runs)
+    low, high = wilson_interval(figures.good, runs)
     times, size = figures.times, figures.error
     mean = float(np.mean(times)) if len(times) else None
     reasons = [
@@ -338,7 +338,9 @@ def _evaluate_one(
             runs=runs, good=figures.good, low=low, high=high, labels=dict(figures.labels)
         ),
     )
-    return Evaluated(summary, first, cases, figures.estimate, figures.impacts, exceeded)
+    return EvaluatedConfiguration(
+        summary, first, cases, figures.estimate, figures.impacts, exceeded
+    )
 
 
 def _failed_labels(labels: Mapping[str, int]) -> dict[str, int]:
@@ -397,7 +399,7 @@ def _excess_text(name: str, worst: float | None, tolerance: float) -> str:
     return f"{name} reaches {worst:.3g} of {tolerance:.3g}"
 
 
-def find_insensitive_knobs(evaluated: Sequence[Evaluated]) -> list[str]:
+def find_insensitive_knobs(evaluated: Sequence[EvaluatedConfiguration]) -> list[str]:
     """Return the knobs that alone change no error by more than 1 %, and no label."""
     has_errors = any(configuration.summary.error is not None for configuration in evaluated)
     names = list(evaluated[0].values) if has_errors else []
@@ -405,8 +407,10 @@ def find_insensitive_knobs(evaluated: Sequence[Evaluated]) -> list[str]:
 
 
 def fix_insensitive_knobs(
-    evaluated: Sequence[Evaluated], insensitive: Sequence[str], chosen: Evaluated | None
-) -> list[Evaluated]:
+    evaluated: Sequence[EvaluatedConfiguration],
+    insensitive: Sequence[str],
+    chosen: EvaluatedConfiguration | None,
+) -> list[EvaluatedConfiguration]:
     """Return the configurations with one value of each insensitive knob."""
     alike = (chosen or evaluated[0]).values
     return [
@@ -416,8 +420,8 @@ def fix_insensitive_knobs(
     ]
 
 
-def _is_insensitive(evaluated: Sequence[Evaluated], name: str) -> bool:
-    alike: dict[tuple[Setting, ...], list[Evaluated]] = {}
+def _is_insensitive(evaluated: Sequence[EvaluatedConfiguration], name: str) -> bool:
+    alike: dict[tuple[Setting, ...], list[EvaluatedConfiguration]] = {}
     for configuration in evaluated:
         others = tuple(value for key, value in configuration.values.items() if key != name)
         alike.setdefault(others, []).append(configuration)
@@ -425,7 +429,7 @@ def _is_insensitive(evaluated: Sequence[Evaluated], name: str) -> bool:
     return bool(compared) and all(_is_equal(group) for group in compared)
 
 
-def _is_equal(evaluated: Sequence[Evaluated]) -> bool:
+def _is_equal(evaluated: Sequence[EvaluatedConfiguration]) -> bool:
     errors = [configuration.summary.error for configuration in evaluated]
     known_errors = [error for error in errors if error is not None]
     idle_ratio = 1.01  # a knob counts as insensitive within this ratio of errors

@@ -9,7 +9,7 @@ import numpy as np
 from contactlab.contact.trace_arrays import Floats
 from contactlab.measure import LABELS
 from contactlab.numerical_tolerance import SUM_ROUNDING
-from contactlab.pareto.configurations import Evaluated
+from contactlab.pareto.configurations import EvaluatedConfiguration
 from contactlab.pareto.recommendation import setting_text
 from contactlab.schema.evidence import Setting
 from contactlab.schema.tradeoff_report import Floor, Method, Order
@@ -120,13 +120,13 @@ _NUMERIC_KNOBS = {
 
 
 def find_methods(
-    evaluated: Sequence[Evaluated], units: Mapping[str, str], *, is_modeling: bool
+    evaluated: Sequence[EvaluatedConfiguration], units: Mapping[str, str], *, is_modeling: bool
 ) -> list[Method]:
     """Return the methods, in the order of their first configurations.
 
     They may have a floor if the error has another reference than the model: if `is_modelling`.
     """
-    members: dict[MethodKey, list[Evaluated]] = {}
+    members: dict[MethodKey, list[EvaluatedConfiguration]] = {}
     for configuration in evaluated:
         members.setdefault(method_key(configuration.values), []).append(configuration)
     differing = varying_knobs([dict(key) for key in members])
@@ -180,7 +180,7 @@ def varying_knobs(keys: Sequence[Mapping[str, Setting]]) -> list[str]:
     return [name for name in keys[0] if len({key[name] for key in keys}) > 1] if keys else []
 
 
-def _method_order(members: Sequence[Evaluated], floor: float) -> Order:
+def _method_order(members: Sequence[EvaluatedConfiguration], floor: float) -> Order:
     impacts = max(member.impacts for member in members)
     if impacts:
         most = "one impact" if impacts == 1 else f"up to {impacts:.0f} impacts"
@@ -192,7 +192,7 @@ def _physics_key(key: MethodKey) -> MethodKey:
     return tuple(pair for pair in key if pair[0] not in _NUMERIC_KNOBS)
 
 
-def _timestep_errors(members: Sequence[Evaluated]) -> TimestepErrors:
+def _timestep_errors(members: Sequence[EvaluatedConfiguration]) -> TimestepErrors:
     """Return the timesteps with completed runs, without a raised time constant."""
     # The errors of meaningless runs show no convergence.
     voided = {label.name for label in LABELS.values() if label.voids}

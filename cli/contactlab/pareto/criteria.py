@@ -73,7 +73,7 @@ def error_measure(
         raise StoreError(f"no run in {store.address} has a value of {name}{hint}")
     described = store.columns.described.get(name)
     # All runs of a sweep have the same kind of error.
-    kinds = store.columns.coded("error_kind").values if name in ERRORS else ()
+    kinds = store.columns.read_codes("error_kind").values if name in ERRORS else ()
     accuracy = store.sweep.accuracy
     modeling = "modeling" if name == MODELING_ERROR else "metric"
     return ErrorMeasure(
@@ -104,7 +104,7 @@ def time_measure(store: Store) -> TimeMeasure:
 
 def _all_failed(store: Store) -> bool:
     """Return whether no run was stable, so that there may be nothing to measure."""
-    return "stable" not in store.columns.coded("label").values
+    return "stable" not in store.columns.read_codes("label").values
 
 
 def _check_number(store: Store, name: str) -> None:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.pareto.configurations import Evaluated, GroupedRuns, Rows, StoredRuns
+from contactlab.pareto.configurations import EvaluatedConfiguration, GroupedRuns, Rows, StoredRuns
 from contactlab.rendering.amounts import format_amount
 from contactlab.schema.evidence import Setting
 
@@ -32,8 +32,8 @@ class _Ends(NamedTuple):
 
 
 def mark_ends(
-    evaluated: Sequence[Evaluated], runs: StoredRuns, groups: GroupedRuns
-) -> list[Evaluated]:
+    evaluated: Sequence[EvaluatedConfiguration], runs: StoredRuns, groups: GroupedRuns
+) -> list[EvaluatedConfiguration]:
     """Return the configurations, with how those end that end elsewhere than the most accurate.
 
     They are compared with the most accurate feasible one of the same model, case by case. Distances

@@ -6,7 +6,7 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.mjcf import MODEL_ENGINE
-from contactlab.pareto.configurations import Evaluated
+from contactlab.pareto.configurations import EvaluatedConfiguration
 from contactlab.rendering.amounts import format_amount, format_setting
 from contactlab.schema.evidence import Setting
 from contactlab.schema.time_ratio import BUILD_NOISE
@@ -39,8 +39,10 @@ SAFE_MARGIN = 1.25  # margin of every tolerance that the robust recommendation k
 
 
 def equally_fast(
-    evaluated: Sequence[Evaluated], least_margin: float = 0.0, baseline: Settings | None = None
-) -> list[Evaluated]:
+    evaluated: Sequence[EvaluatedConfiguration],
+    least_margin: float = 0.0,
+    baseline: Settings | None = None,
+) -> list[EvaluatedConfiguration]:
     """Return the feasible configurations that are as fast as the fastest of them, within noise.
 
     They are within 5 % of the smallest time, and keep a least margin to every tolerance. The most
@@ -63,7 +65,7 @@ def equally_fast(
         return near
     same = MORE_ACCURATE * _known_error(near[0])
 
-    def preference(configuration: Evaluated) -> tuple[bool, int]:
+    def preference(configuration: EvaluatedConfiguration) -> tuple[bool, int]:
         changed = sum(configuration.values[name] != value for name, value in baseline.items())
         return (True, 0) if _known_error(configuration) > same else (False, changed)
 
@@ -81,7 +83,7 @@ def recommendable_places(configurations: Sequence[Configuration]) -> list[int]:
     return [place for place in places if not configurations[place].ends_elsewhere]
 
 
-def feasible_front(evaluated: Sequence[Evaluated]) -> list[Evaluated]:
+def feasible_front(evaluated: Sequence[EvaluatedConfiguration]) -> list[EvaluatedConfiguration]:
     """Return the Pareto front of the feasible configurations, the cheapest first."""
     feasible = [configuration for configuration in evaluated if configuration.summary.feasible]
     return [
@@ -98,7 +100,9 @@ def front_of(configurations: Sequence[Configuration]) -> list[int]:
     return pareto_front(*points.reshape(-1, 2).T)
 
 
-def next_more_accurate(front: Sequence[Evaluated], chosen: Evaluated) -> Evaluated | None:
+def next_more_accurate(
+    front: Sequence[EvaluatedConfiguration], chosen: EvaluatedConfiguration
+) -> EvaluatedConfiguration | None:
     """Return the cheapest on a front with an error smaller by a factor of at least 1.05."""
     limit = _known_error(chosen) / MORE_ACCURATE
     return next(
@@ -106,7 +110,7 @@ def next_more_accurate(front: Sequence[Evaluated], chosen: Evaluated) -> Evaluat
     )
 
 
-def _known_error(configuration: Evaluated) -> float:
+def _known_error(configuration: EvaluatedConfiguration) -> float:
     return np.inf if configuration.summary.error is None else configuration.summary.error
 
 

@@ -8,7 +8,7 @@ from contactlab.pareto.recommendation import (
     setting_text,
     settings_text,
 )
-from contactlab.printable import shell_word, shortened
+from contactlab.printable import shell_word, shorten_lines
 from contactlab.rendering.amounts import format_amount, format_interval
 from contactlab.rendering.document import (
     Block,
@@ -157,7 +157,7 @@ def _answer_sections(report: TradeoffReport) -> Iterator[Section]:
         yield Section((Code((how,), indent=0),), "changes")
     else:
         most_lines = 12
-        lines = shortened(chosen.mjcf, most_lines, "the patch that --model FOLDER writes")
+        lines = shorten_lines(chosen.mjcf, most_lines, "the patch that --model FOLDER writes")
         lines += [f"{name}: {value}" for name, value in chosen.other.items()]
         yield Section((Code(tuple(lines)),), "changes", "changes of the model")
 

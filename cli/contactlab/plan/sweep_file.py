@@ -124,7 +124,18 @@ def _check_draft(
     check_until(context)
     check_search(context)
     check_choices(context)
-    grid = _read_grid(context, folder)
+    blocks, added = read_blocks(context), read_rows(context, folder)
+    base = {
+        name: context.canonical_value(name, value, document.value_place(("effects", name)))
+        for name, value in effect_switches(draft.sweep.effects).items()
+    }
+    excludes = tuple(
+        read_condition(
+            context, condition, context.entry_path("exclude", index), _product_axes(context)
+        )
+        for index, condition in enumerate(draft.sweep.exclude)
+    )
+    grid = Grid(base, blocks, excludes, added)
     carried = tuple(dict.fromkeys([*_product_axes(context), *itertools.chain(*grid.included_rows)]))
     expected = tuple(
         (
@@ -182,21 +193,6 @@ def _check_whole(context: SweepContext, filters: Sequence[Filter], limit: int | 
 
 def _of_limit(limit: int) -> Place:
     return Place(SourceText("command line", (f"--limit {limit}",), numbered=False), 1, 9, 9)
-
-
-def _read_grid(context: SweepContext, folder: Path) -> Grid:
-    blocks, added = read_blocks(context), read_rows(context, folder)
-    base = {
-        name: context.canonical_value(name, value, context.document.value_place(("effects", name)))
-        for name, value in effect_switches(context.sweep.effects).items()
-    }
-    excludes = tuple(
-        read_condition(
-            context, condition, context.entry_path("exclude", index), _product_axes(context)
-        )
-        for index, condition in enumerate(context.sweep.exclude)
-    )
-    return Grid(base, blocks, excludes, added)
 
 
 def _product_axes(context: SweepContext) -> tuple[str, ...]:

@@ -71,7 +71,7 @@ def find_boundaries(store: Store) -> Boundaries | None:
     stride, columns, axes = first_stride(refine), store.columns, identity.whole.axes
     assert stride is not None
     names = [*columns.axis_names, "seed"]
-    rows = columns.arrow([*dict.fromkeys([*names, *fields_read_by(refine.where)])]).to_pylist()
+    rows = columns.read_arrow([*dict.fromkeys([*names, *fields_read_by(refine.where)])]).to_pylist()
     side = side_of(refine.where, labels_with("required"))
     coded = dict[object, int]()
     of_runs = np.array([coded.setdefault(side(row), len(coded)) for row in rows], np.int32)

@@ -10,7 +10,7 @@ from contactlab.plan.search import searched_axes
 from contactlab.plan.sides import counts_for_share, fields_read_by
 from contactlab.rendering.amounts import format_amount, format_percent, format_setting
 from contactlab.schema.sweep_schema import Until
-from contactlab.shares import anytime
+from contactlab.shares import anytime_interval
 from contactlab.store.finished_store import Store
 
 
@@ -44,12 +44,12 @@ def known_shares(store: Store) -> tuple[Until, list[KnownShare]] | None:
         Counter[tuple[tuple[str, object], ...]](),
     )
     columns = [*dict.fromkeys([*names, *fields_read_by(sweep.until.share)])]
-    for row in store.columns.arrow(columns).to_pylist():
+    for row in store.columns.read_arrow(columns).to_pylist():
         configuration = configuration_of({name: row[name] for name in names}, drawn_axes)
         runs[configuration] += 1
         good[configuration] += counts(row) is True
     return sweep.until, [
-        KnownShare(key, good[key], count, *anytime(good[key], count, sweep.until.sure))
+        KnownShare(key, good[key], count, *anytime_interval(good[key], count, sweep.until.sure))
         for key, count in runs.items()
     ]
 
@@ -85,7 +85,7 @@ def worst_lines(store: Store) -> Iterator[str]:
     largest, worst_values = sweep.search.maximise, dict[object, float]()
     worst = dict[object, dict[str, object]]()
     trials = dict[object, int]()
-    for row in columns.arrow([*dict.fromkeys(["run_id", metric, *axes, *others])]).to_pylist():
+    for row in columns.read_arrow([*dict.fromkeys(["run_id", metric, *axes, *others])]).to_pylist():
         key = tuple(row[name] for name in others)
         trials[key] = trials.get(key, 0) + 1
         value = row[metric]

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from importlib.util import find_spec
 
-from contactlab.plugins import extensions
+from contactlab.plugins import find_extensions
 from contactlab.printable import Replacer
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
@@ -14,4 +14,4 @@ def load_geom_replacers(store: Store, records: Mapping[int, EvidenceRecord]) -> 
     pairs = (name for record in records.values() for name in record.pairs)
     if find_spec("mujoco") is None or not any("geom[" in name for name in pairs):
         return dict.fromkeys(records, str)
-    return extensions("wording")["geoms"].load()(store, records)
+    return find_extensions("wording")["geoms"].load()(store, records)

@@ -176,10 +176,10 @@ def _read_axis(columns: RunColumns, name: str, kind: Role, grid: Sequence[Any]) 
     """Return an axis; a refined one has all values of its grid."""
     unit = columns.described[name].unit
     if not columns.is_number(name):
-        codes, values = columns.coded(name)
+        codes, values = columns.read_codes(name)
         ticks = tuple(SCENES_OWN if value is None else value.strip() for value in values)
         return GridAxis(name, unit, kind, ticks, _in_few_bytes(codes, len(ticks)), None)
-    numbers, places = columns.ranked(name, grid)
+    numbers, places = columns.rank_numbers(name, grid)
     numbers, unit = in_small_units(numbers, unit)
     # Two that differ in their last digits may be one in small units.
     values, codes = np.unique(numbers, return_inverse=True)
@@ -266,7 +266,7 @@ def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
     """Return the labels of a store's runs; `also` lists further labels."""
     from contactlab.measure import LABELS  # noqa: PLC0415 - takes a while
 
-    codes, strings = store.columns.coded("label")
+    codes, strings = store.columns.read_codes("label")
     ours = {name: label.facts for name, label in LABELS.items() if not label.is_added}
     # Plug-ins may not be installed; the store has the facts about their labels.
     try:

@@ -54,7 +54,7 @@ def find_sensitivities(store: Store, metrics: Sequence[str] = ()) -> Iterator[Se
     others = [name for name in (*columns.axis_names, "seed") if name not in drawn_axes]
     names = [name for name in metrics or summary_metrics() if name in columns.metric_columns]
     groups = defaultdict[tuple[object, ...], list[dict[str, object]]](list)
-    for row in columns.arrow([*dict.fromkeys(["label", *others, *names])]).to_pylist():
+    for row in columns.read_arrow([*dict.fromkeys(["label", *others, *names])]).to_pylist():
         groups[tuple(row[name] for name in others)].append(row)
     base = sweep.sample.n
     for key, rows in [*groups.items()][:MOST_SENSITIVITIES]:

@@ -1,6 +1,6 @@
 """Describes the results of hard cases."""
 
-from contactlab.printable import shortened
+from contactlab.printable import shorten_lines
 from contactlab.rendering.amounts import format_amount
 from contactlab.rendering.document import Document, Sentence, document_of, table_of
 from contactlab.schema.check_report import StabilityReport, StabilityResult
@@ -16,7 +16,7 @@ def describe_stability(report: StabilityReport) -> Document:
     missed = [
         f"{case.name} {miss}"
         for case in report.cases
-        for miss in shortened(case.misses, most_misses, case.store)
+        for miss in shorten_lines(case.misses, most_misses, case.store)
     ]
     return document_of(
         [

@@ -66,7 +66,9 @@ def describe_store(store: Store) -> Document:
     elif axes and labels.failed.any():  # otherwise all values are alike, as the headline says
         blocks += tabulate_axis_values(by_importance(axes, labels), labels, share)
 
-    drives = [describe_drive(parse_drive(json.loads(word))) for word in columns.coded("drive")[1]]
+    drives = [
+        describe_drive(parse_drive(json.loads(word))) for word in columns.read_codes("drive")[1]
+    ]
     blocks.append(Sentence(f"driven by: {'; '.join(dict.fromkeys(drives))}"))
     sweep, runs = manifest.sweep, f"{manifest.runs:,} runs"
     if sweep.whole is not None and is_slice(sweep):
@@ -103,7 +105,7 @@ def _result_sentences(
                     phrases.append(read_accepted_overlap(columns, row))
         yield "; ".join(filter(None, phrases))
     if invalid.any():
-        reasons = columns.arrow(["label_reason"])["label_reason"]
+        reasons = columns.read_arrow(["label_reason"])["label_reason"]
         most = Counter(reasons.take(np.flatnonzero(invalid)).to_pylist()).most_common(1)[0][0]
         yield f"{invalid.sum():,} runs are invalid: {most}"
     if began.any():
@@ -126,7 +128,7 @@ def _result_sentences(
     )
     yield from (f"not as expected: {mean}" for mean in store.manifest.unmet_means)
     missing: Counter[str] = Counter()
-    for entry in columns.arrow(["effects_missed"])[0].value_counts().to_pylist():
+    for entry in columns.read_arrow(["effects_missed"])[0].value_counts().to_pylist():
         missing.update(dict.fromkeys(json.loads(entry["values"]), entry["counts"]))
     for name, count in missing.most_common():
         yield f"{name} is off, but {count:,} of {columns.runs:,} runs need it"

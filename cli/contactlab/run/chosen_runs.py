@@ -26,10 +26,10 @@ from contactlab.plan.sampled_shares import configuration_of
 from contactlab.plan.search import Trials, axis_coordinates, searched_axes
 from contactlab.plan.sides import Side, counts_for_share, fields_read_by, side_of
 from contactlab.run.planned_runs import RunIndex
-from contactlab.run.tasks import Finished, Purpose
+from contactlab.run.tasks import FinishedRun, Purpose
 from contactlab.schema.evidence import SweepIdentity, WholeGrid
 from contactlab.schema.sweep_schema import Refine, Search, Until
-from contactlab.shares import anytime
+from contactlab.shares import anytime_interval
 
 
 class ChosenRuns(ABC):
@@ -55,7 +55,7 @@ class ChosenRuns(ABC):
         """Add the rows of finished runs."""
         self.known |= {int(row["run_id"], 16): self._side(row) for row in rows}
 
-    def learn_finished(self, finished: Collection[Finished]) -> None:
+    def learn_finished(self, finished: Collection[FinishedRun]) -> None:
         """Add finished runs, as workers return them."""
         self.add_rows({**from_json(one.shared or b"{}"), **from_json(one.row)} for one in finished)
 
@@ -175,7 +175,7 @@ class RunsUntilKnown(ChosenRuns):
             if missing or count == len(places):
                 return missing
             good = sum(self.side_at(place) is True for place in places[:count])
-            low, high = anytime(good, count, self._until.sure)
+            low, high = anytime_interval(good, count, self._until.sure)
             if (high - low) / 2 <= self._until.half_width:
                 return []
             count = min(len(places), count + max(first_runs, count // growth_divisor))

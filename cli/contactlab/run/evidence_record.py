@@ -27,7 +27,7 @@ from contactlab.plugins import hash_of_packages
 from contactlab.resources import ADAPTERS
 from contactlab.run.git_commit import commit_of
 from contactlab.run.run_verdicts import judge_expectations, missing_effects, within_tolerances
-from contactlab.run.tasks import Finished, Task
+from contactlab.run.tasks import FinishedRun, Task
 from contactlab.scene.effects.effect import NOT_IN_MODEL, EffectState
 from contactlab.schema.evidence import (
     Cost,
@@ -292,7 +292,7 @@ def _common_outcome_fields(
     }
 
 
-def journal_entries(rows: Sequence[RunRow]) -> list[Finished]:
+def journal_entries(rows: Sequence[RunRow]) -> list[FinishedRun]:
     """Return runs as journal entries: fields shared by all of their rows are written once."""
     entries = {common: common.entries for _, common in rows}
     shared = set.intersection(*map(set, entries.values())) if len(rows) > 1 else set[bytes]()
@@ -300,12 +300,12 @@ def journal_entries(rows: Sequence[RunRow]) -> list[Finished]:
         common: [entry for entry in own if entry not in shared] for common, own in entries.items()
     }
     shared_text = b"{%b}" % b",".join(sorted(shared)) if shared else b""
-    finished: list[Finished] = []
+    finished: list[FinishedRun] = []
     for own, common in rows:
         row = {name: value for name, value in to_row(own).items() if value is not None}
         text = b",".join([to_json(row)[:-1], *rest[common]]) + b"}"
         finished.append(
-            Finished(text, own["label"], own["status"], own["expectation_met"], shared_text)
+            FinishedRun(text, own["label"], own["status"], own["expectation_met"], shared_text)
         )
     return finished
 

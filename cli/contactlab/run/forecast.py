@@ -308,7 +308,7 @@ def question_units(axes: Iterable[SweptAxis], scene: Scene) -> Iterator[str]:
     """Yield values of axes that look like another unit, with the value that may be meant."""
     longest, turn = 20.0, 2 * math.pi  # of a robot [m], of an angle [rad]
     for axis in axes:
-        spec, numbers = scene.catalogue.find(axis.name), [*filter(is_number, axis.values)]
+        spec, numbers = scene.catalogue.find_axis(axis.name), [*filter(is_number, axis.values)]
         most, unit = max(map(abs, numbers), default=0.0), spec.unit if spec else ""
         if most > _LARGEST_VALUES.get(axis.name, math.inf):
             yield f"{axis.name} {most:g} {unit}: is {most:g} m{unit} meant? Write {most / 1e3:g}"

@@ -76,11 +76,11 @@ def merge_stores(
         for source in count_steps(stores, "shards", len(stores)):
             # Traces and recorded controls are checked against their hashes.
             for sha256 in filter(
-                None, source.columns.arrow(["controls"])["controls"].unique().to_pylist()
+                None, source.columns.read_arrow(["controls"])["controls"].unique().to_pylist()
             ):
                 name = controls_name(sha256)
                 to.put_file(name, source.backend.read_file(name) or b"")
-            traces = source.columns.arrow(["trace_file", "trace_sha256"])
+            traces = source.columns.read_arrow(["trace_file", "trace_sha256"])
             with_traces = traces.filter(traces["trace_file"].is_valid())
             names = [name.as_py() for name in with_traces["trace_file"]]
             with closing(source.backend.local_files(names)) as files:

@@ -74,7 +74,7 @@ def _budgets_of_run(
             if (ends := _end_models(scene, {**shared, **middle}, name, (low, high), run, own))
         ]
         motion = motion_of_run(own, starts, 0, resolved.steps)
-        phase = PhaseMeasure(motion, rows, _BUDGET_SETTINGS).budget()
+        phase = PhaseMeasure(motion, rows, _BUDGET_SETTINGS).measure_budget()
     except (ContactlabError, ValueError):
         return  # no movable body has mass, or the middle is not a valid run
     rows = [
@@ -101,7 +101,7 @@ def _axis_range(axis: Sampled) -> tuple[float, float, float]:
 
 
 def _canonical_value(scene: Scene, name: str, value: float) -> object:
-    spec = scene.catalogue.find(name)
+    spec = scene.catalogue.find_axis(name)
     assert spec is not None
     try:
         return spec.parse(value)

@@ -19,7 +19,7 @@ from contactlab.run.planned_runs import RunIndex, pack_jobs, reference_models
 from contactlab.run.run_verdicts import within_tolerances
 from contactlab.run.tasks import (
     BeginCallback,
-    Crashed,
+    CrashedJob,
     Executor,
     Job,
     ProgressCallback,
@@ -154,7 +154,7 @@ def _measure_times(
             groups = select.groups
         turn = note_result("times", "", {})
         timer = InterleavedTimer(session.scene, request.rounds, controls)
-        samples_by_run = timer.times(
+        samples_by_run = timer.time_runs(
             runs, work, groups, select, lambda count: session.progress([turn] * count)
         )
         session.store.write_notes(
@@ -187,7 +187,7 @@ def results_of_pass(
     session.begin(runs, runs - sum(map(len, rest)), _PHASES.get(purpose, ""))
     task = replace(session.task, purpose=purpose)
     for result in results_of(task, rest, session.executor, session.stop):
-        crashed = isinstance(result, Crashed)
+        crashed = isinstance(result, CrashedJob)
         each = [note_result(purpose, run.run_id, {}) for run in result.job] if crashed else result
         session.store.write_notes([one.row for one in each])
         session.progress(each)

@@ -247,7 +247,7 @@ class _RunCheck:
         if not engine.accepts_every_run and (why := engine.refusal(self._scene, run)):
             raise SceneError(why)
         if run.changed_settings & AT_REST.keys():
-            self._scene.base_of(run).prepare(run.edits())
+            self._scene.base_of(run).prepare(run.list_edits())
         driven = run.drive not in ("none", "hold")
         if not driven and not self._scene.is_timed:
             return

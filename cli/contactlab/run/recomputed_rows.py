@@ -36,7 +36,7 @@ def recomputed_rows(
         () if plan is None else (*_VERDICT_COLUMNS, *_verdict_inputs(plan, columns.schema.names))
     )
     names = dict.fromkeys((*_RESOLVED_COLUMNS, *columns.axis_names, *judged_names))
-    for rows in select_rows(columns.batches([*names]), chosen):
+    for rows in select_rows(columns.iterate_batches([*names]), chosen):
         alike = RowGroups(rows)
         yield from _differing_runs(alike, scene)
         if plan is not None:

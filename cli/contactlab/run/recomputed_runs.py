@@ -115,7 +115,7 @@ def recomputed_problems(store: Store, chosen: NDArray[np.bool_] | None = None) -
             described = store.columns.described
             units = {name: metric.unit for name, metric in METRICS.items()}
             for name in store.columns.axis_names:
-                if (spec := scene.catalogue.find(name)) is not None:
+                if (spec := scene.catalogue.find_axis(name)) is not None:
                     units[name] = spec.unit
             for name in units.keys() & described.keys():
                 if described[name].unit != units[name]:
@@ -144,10 +144,10 @@ def _differing_plan(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
                 parse_shard(shard), plan.sweep, index, own_identity
             )
         else:
-            part = index.select_ids(np.isin(index.ids, store.columns.ids()))
+            part = index.select_ids(np.isin(index.ids, store.columns.read_ids()))
             index, own_identity = part, part_of(index, part, own_identity)
     elif chosen := chosen_runs(plan, index):
-        batches = columns.batches(["run_id", *chosen.read_by])
+        batches = columns.iterate_batches(["run_id", *chosen.read_by])
         chosen.add_rows(row for rows in batches for row in rows.to_pylist())
         if chosen.next_runs().any():
             yield f"{TABLE}: runs are missing that the results of the others require"
@@ -160,8 +160,8 @@ def _differing_plan(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
     if columns.shared.get("labels", {}) != added_labels():
         yield f"{TABLE}: its labels are not as the plug-ins declare them"
     if not index.has_all(
-        columns.ids(),
-        np.concatenate([numpy_array(rows["index"]) for rows in columns.batches(["index"])]),
+        columns.read_ids(),
+        np.concatenate([numpy_array(rows["index"]) for rows in columns.iterate_batches(["index"])]),
     ).all():
         yield f"{TABLE}: its runs are not at their places in the plan"
 
@@ -177,7 +177,7 @@ def plan_again(identity: SweepIdentity, scene: Scene) -> Plan:
         for option in ("--set ", "--where ", "--limit ")
     )
     options = Overrides(sets, where, int(limit[0]) if limit and limit[0].isdecimal() else None)
-    axes, find = scene.catalogue.names, partial(scene.catalogue.find, lenient=True)
+    axes, find = scene.catalogue.names, partial(scene.catalogue.find_axis, lenient=True)
     names = Vocabulary(axes, find, [*METRICS], [*LABELS], [*THRESHOLDS])
     with TemporaryDirectory() as folder:
         # The empty folder hides all files that the sweep may name.
@@ -230,7 +230,7 @@ def simulate_again(store: Store, count: int, *, allow_code: bool = False) -> Res
         for row in order:
             if resimulation.simulated >= resimulation.requested_runs:
                 break
-            stored = columns.row(row)
+            stored = columns.read_row(row)
             if stored["status"] in {"crashed", "timeout"}:
                 resimulation.left_out[f"ended by {stored['status']}, which is not repeated"] += 1
                 continue

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pydantic_core import from_json
 
-from contactlab.run.tasks import Crashed, Stop, Task
+from contactlab.run.tasks import CrashedJob, Stop, Task
 from contactlab.run.worker_pool import LocalPool
 from contactlab.scene.run_spec import RunSpec
 from contactlab.temporary_folders import temporary_folder
@@ -32,7 +32,7 @@ def find_unrepeatable(task: Task, runs: list[RunSpec], workers: int, stop: Stop)
             rows = list[object]()
             for pool, repeats in pools:
                 for result in pool.run(own, [(run,)] * repeats, stop):
-                    if not isinstance(result, Crashed):
+                    if not isinstance(result, CrashedJob):
                         run_rows = [from_json(each.row) for each in result]
                         rows += [[row.get(name) for name in _COMPARED] for row in run_rows]
             if any(row != rows[0] for row in rows):

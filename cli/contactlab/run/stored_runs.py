@@ -45,7 +45,7 @@ class PreparedReplay:
     runs: PreparedRuns
 
     @property
-    def prepared(self) -> PreparedModel:
+    def prepared_model(self) -> PreparedModel:
         """Its model."""
         return self.runs.prepared[0]
 
@@ -150,7 +150,7 @@ def stored_start(
 
 
 def _parse_value(scene: Scene, name: str, value: object) -> object:
-    spec = scene.catalogue.find(name)
+    spec = scene.catalogue.find_axis(name)
     if spec is None:
         raise StoreError(f"the stored scene has no axis '{name}'")
     try:

@@ -26,7 +26,7 @@ def find_sweep_advisories(index: RunIndex, scene: Scene) -> tuple[tuple[Advisory
             continue
         last = run
         engine = engine_of(run)
-        model = scene.base_of(run).prepare(run.edits()).model
+        model = scene.base_of(run).prepare(run.list_edits()).model
         installed = InstalledEngine(engine.name, engine.version)
         met_advisories = find_met_advisories(model, installed, lambda: scene.source.elements)
         advisories |= {each.id: each for each in met_advisories}

@@ -196,7 +196,7 @@ class SceneLoader:
             # Columns and coordinates may share a name, which then means the column.
             if name in reserved_names and scene.catalogue.sets_start(name):
                 return None
-            return scene.catalogue.find(name, lenient=lenient)
+            return scene.catalogue.find_axis(name, lenient=lenient)
 
         def broken(text: str, duration: float | None) -> str | None:
             most = duration or self.open(reference).duration

@@ -35,9 +35,9 @@ from contactlab.run.sweep_advisories import find_sweep_advisories
 from contactlab.run.sweep_request import Chooser, SweepRequest
 from contactlab.run.tasks import (
     BeginCallback,
-    Crashed,
+    CrashedJob,
     Executor,
-    Finished,
+    FinishedRun,
     Job,
     ProgressCallback,
     Stop,
@@ -177,7 +177,7 @@ def _run_chosen(session: SweepSession, chosen: ChosenRuns) -> tuple[SweepSession
     chosen.learn_notes(notes_by_run(store.read_notes(), "outcomes"))
     stored = whole.count_done(store.done)
 
-    def learn(finished: Sequence[Finished]) -> None:
+    def learn(finished: Sequence[FinishedRun]) -> None:
         chosen.learn_finished(finished)
         session.progress(finished)
 
@@ -329,7 +329,7 @@ def measured_columns(runs: Iterable[RunSpec], axes: Iterable[str] = ()) -> list[
 
 
 def _axis_column(request: SweepRequest, name: str) -> Column:
-    spec = request.scene.catalogue.find(name)
+    spec = request.scene.catalogue.find_axis(name)
     assert spec is not None
     try:
         return axis_column(name, request.plan.grid.axis_values(name), spec.unit, spec.description)
@@ -339,7 +339,7 @@ def _axis_column(request: SweepRequest, name: str) -> Column:
 
 def run_all_jobs(
     task: Task, jobs: Iterable[Job], executor: Executor, stop: Stop
-) -> Generator[list[Finished]]:
+) -> Generator[list[FinishedRun]]:
     """Yield the results of every job, once for each run.
 
     The runs of a crashed job are run again one by one. The culprit is the run that then times out,
@@ -352,7 +352,7 @@ def run_all_jobs(
     for crashes in range(max_crashes_alone + 1):
         crashed: list[Job] = []
         for result in results_of(task, jobs, executor, stop):
-            if not isinstance(result, Crashed):
+            if not isinstance(result, CrashedJob):
                 yield result
             elif crashes == max_crashes_alone or (crashes and result.timed_out):
                 (run,), reason = result.job, result.reason

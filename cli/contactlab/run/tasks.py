@@ -75,7 +75,7 @@ MAX_LOSSES = 3
 """Lost nodes or tasks until a job, the first of them, is considered the cause."""
 
 
-class Finished(NamedTuple):
+class FinishedRun(NamedTuple):
     """The row of a finished run with a stored trace; its worst label; and its status.
 
     The row is JSON without the fields shared with others of its job, which are separate JSON.
@@ -89,7 +89,7 @@ class Finished(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Crashed:
+class CrashedJob:
     """A job with a worker process that died, and the reason; its own watchdog may have ended it."""
 
     job: Job
@@ -97,7 +97,7 @@ class Crashed:
     timed_out: bool
 
 
-Result = list[Finished] | Crashed
+Result = list[FinishedRun] | CrashedJob
 
 
 class Executor(Protocol):
@@ -125,7 +125,7 @@ class BeginCallback(Protocol):
 
 
 # Called with finished runs.
-ProgressCallback = Callable[[Sequence[Finished]], None]
+ProgressCallback = Callable[[Sequence[FinishedRun]], None]
 
 
 def results_of(task: Task, jobs: Iterable[Job], executor: Executor, stop: Stop) -> Iterator[Result]:
@@ -148,10 +148,10 @@ _NOTE_LABELS: Mapping[Purpose, str] = {
 }
 
 
-def note_result(purpose: Purpose, run_id: str, result: Note) -> Finished:
+def note_result(purpose: Purpose, run_id: str, result: Note) -> FinishedRun:
     """Return a pass's result for a run, in the form that a worker returns."""
     row = json.dumps({"pass": purpose, "run_id": run_id, "found": result}).encode()
-    return Finished(row=row, label=_NOTE_LABELS[purpose], status="ok", expectation_met=None)
+    return FinishedRun(row=row, label=_NOTE_LABELS[purpose], status="ok", expectation_met=None)
 
 
 def notes_by_run(notes: Iterable[Note], purpose: Purpose) -> dict[str, Note]:

@@ -49,7 +49,7 @@ from contactlab.run.evidence_record import (
     row_of_crash,
 )
 from contactlab.run.planned_runs import JOB_BYTES, LONG_BYTES, Preparer, reference_models
-from contactlab.run.tasks import Finished, Job, Task, note_result
+from contactlab.run.tasks import FinishedRun, Job, Task, note_result
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.model_names import input_names
 from contactlab.scene.requirements import RunRequirement
@@ -101,9 +101,9 @@ class Worker:
         source = self.scene.source
         self._model_xml = b"" if source.model.suffix == BINARY else source.model.read_bytes()
 
-    def run(self, job: Job) -> list[Finished]:
+    def run(self, job: Job) -> list[FinishedRun]:
         """Perform the task's purpose on the runs of a job, or on some of them if it should stop."""
-        process, finished = os.getpid(), list[Finished]()
+        process, finished = os.getpid(), list[FinishedRun]()
         if not self._proceed():
             return finished
         size = bytes_of_run(self.scene.base_of(job[0]).model, job[0].steps)
@@ -123,7 +123,7 @@ class Worker:
             os._exit(0)
         return finished
 
-    def _run_pass(self, job: Job) -> list[Finished]:
+    def _run_pass(self, job: Job) -> list[FinishedRun]:
         """Return a note for each run of a job: its work, or the errors of a family."""
         plans, request = self._preparer.plan_job(job), self._task.sweep.accuracy
         purpose = self._task.purpose
@@ -144,7 +144,7 @@ class Worker:
             for run, numbers in zip(job, pass_results, strict=True)
         ]
 
-    def _record_job(self, job: Job) -> list[Finished]:
+    def _record_job(self, job: Job) -> list[FinishedRun]:
         """Run a job of runs that share structure and step count, and write their traces.
 
         Runs of one kind are processed together, so that no run depends on its neighbors, and as
@@ -179,9 +179,9 @@ class Worker:
                     rows[place] = self._finish_run(outcome)
         return rows
 
-    def _play_episodes(self, job: Job) -> list[Finished]:
+    def _play_episodes(self, job: Job) -> list[FinishedRun]:
         """Let an environment play the episodes of a job, one after the other."""
-        finished: list[Finished] = []
+        finished: list[FinishedRun] = []
         for plan in self._preparer.plan_job(job):
             if not finished or self._proceed():
                 with self._preparer.start_watchdog() as start_clock:
@@ -190,8 +190,8 @@ class Worker:
                 finished.append(self.finish_loop(*episode))
         return finished
 
-    def _play_outcomes(self, job: Job) -> list[Finished]:
-        finished: list[Finished] = []
+    def _play_outcomes(self, job: Job) -> list[FinishedRun]:
+        finished: list[FinishedRun] = []
         for plan in self._preparer.plan_job(job):
             if not finished or self._proceed():
                 with self._preparer.start_watchdog() as start_clock:
@@ -247,7 +247,7 @@ class Worker:
         setup_fields: ExtraFields,
         started: str,
         row_fields: ExtraFields,
-    ) -> Finished:
+    ) -> FinishedRun:
         """Store a run of a user's loop, from parts of its setup and fields of its record."""
         runs = PreparedRuns(self.scene, [plan.run], [plan.prepared], plan.start, plan.run.steps)
         trace, setup = self._trace_and_setup(runs, rollout)
@@ -361,7 +361,7 @@ class Worker:
             self._store.put_file(name, source.read_file(name) or b"")
             self._controls.add(sha256)
 
-    def record_crash(self, run: RunSpec, label: LabelEntry) -> Finished:
+    def record_crash(self, run: RunSpec, label: LabelEntry) -> FinishedRun:
         """Record a run that crashes every worker; it has no trace."""
         self._store.delete_files([_trace_name(run.run_id)])
         (plan,) = self._preparer.plan_job((run,))

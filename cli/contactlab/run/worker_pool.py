@@ -32,7 +32,7 @@ from contactlab.errors import (
 )
 from contactlab.foreign_code import PrintedFile, ends_command, printed_as_text
 from contactlab.run.fork_server import CONTEXT, STOP_SIGNALS, signals_blocked, start_process
-from contactlab.run.tasks import Crashed, Job, Result, Stop, Task
+from contactlab.run.tasks import CrashedJob, Job, Result, Stop, Task
 from contactlab.run.worker import Worker
 from contactlab.temporary_folders import temporary_folder
 
@@ -104,7 +104,7 @@ class WorkerPool:
                 end_halted(busy)
             for worker in [candidate for candidate in busy if candidate.pipe in ready]:
                 result = receive_result(worker)
-                if worker.stop_requested or isinstance(result, Crashed):
+                if worker.stop_requested or isinstance(result, CrashedJob):
                     close([worker])
                     del self._workers[worker.marker]
                 if (job := next(queue, None)) is not None:
@@ -204,7 +204,7 @@ def receive_result(worker: WorkerHandle) -> Result:
             reason = f"the worker was ended by {signal.Signals(-code).name}"
         else:
             reason = f"the worker exited with code {code}"
-        return Crashed(job, reason, bool(traceback) or code == -signal.SIGALRM)
+        return CrashedJob(job, reason, bool(traceback) or code == -signal.SIGALRM)
     if isinstance(result, Exception):
         raise result
     return result
@@ -290,12 +290,12 @@ def _run_job(worker: Worker, job: Job) -> Result | Exception:
         message = error_text(error)
         if isinstance(error, MemoryError) or _NO_MEMORY.search(message):
             text = message.partition(": ")[2] or "the worker cannot get more"
-            return Crashed(job, f"out of memory: {text}", timed_out=False)
+            return CrashedJob(job, f"out of memory: {text}", timed_out=False)
         if ends_command(error):
             raise
         if isinstance(error, OSError):
             return OutputError(f"a worker cannot go on: {message}")
-        return Crashed(job, in_one_line(error, __file__), timed_out=False)
+        return CrashedJob(job, in_one_line(error, __file__), timed_out=False)
 
 
 def _wait_and_exit(parent: BaseProcess) -> None:

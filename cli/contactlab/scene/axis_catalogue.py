@@ -84,13 +84,13 @@ class SceneCatalogue:
         """Return whether an axis sets a coordinate of the start, or raises free bodies."""
         return name in self._start_axes
 
-    def find(self, name: str, *, lenient: bool = False) -> AxisSpec | None:
+    def find_axis(self, name: str, *, lenient: bool = False) -> AxisSpec | None:
         """Return the axis with a name, or None. If lenient, it accepts values of newer versions."""
         try:
-            named_axis = (
-                self._list_axes.get(name) or DRIVE_AXES.get(name) or self._start_axes.get(name)
-            )
-            axis = named_axis or _axis_of_missing_flag(name) or field_axis(self._model, name)
+            axis = self._list_axes.get(name) or DRIVE_AXES.get(name) or self._start_axes.get(name)
+            if axis is None and name in missing_flags():
+                axis = AxisSpec(name, "", "effect of newer versions of MuJoCo", parse_switch)
+            axis = axis or field_axis(self._model, name)
         except ValueError:
             return None
         return axis and in_this_version(axis, lenient=lenient)
@@ -102,7 +102,7 @@ class SceneCatalogue:
         """
         switched: dict[str, object] = {}
         for name, value in effect_switches(manifest.effects if manifest else {}).items():
-            axis = self.find(name) if name in EFFECTS else None
+            axis = self.find_axis(name) if name in EFFECTS else None
             if axis is None:
                 raise SceneError(f"effects: no effect '{name}'{did_you_mean(name, EFFECTS)}")
             try:
@@ -122,11 +122,6 @@ def _list_start_axes(base: CompiledScene) -> Iterator[AxisSpec]:
     if heights:
         text = "height of the free bodies above their start as written"
         yield AxisSpec(DROP_HEIGHT, "m", text, number_parser())
-
-
-def _axis_of_missing_flag(name: str) -> AxisSpec | None:
-    text = "effect of newer versions of MuJoCo"
-    return AxisSpec(name, "", text, parse_switch) if name in missing_flags() else None
 
 
 def _list_axes(

@@ -27,7 +27,7 @@ from contactlab.scene.compile_messages import explain_compile_error
 from contactlab.scene.contact_pairs import MonitoredPair
 from contactlab.scene.model_files import FileSearch, name_in_copy, plain_name
 from contactlab.scene.model_names import name_by_address
-from contactlab.scene.model_xml import parse
+from contactlab.scene.model_xml import parse_model
 from contactlab.scene.mujoco_versions import has_batch, silence_mujoco
 from contactlab.scene.scene_source import BINARY, MODEL_SUFFIXES, SceneSource
 from contactlab.scene.timed_inputs import HoldSpec
@@ -329,7 +329,7 @@ def _model_file(source: SceneSource, structure: Mapping[str, object]) -> Generat
     with temporary_folder() as folder:
         content.copy_to(Path(folder))
         files = [Path(folder) / file for file in content.files if file.suffix in MODEL_SUFFIXES]
-        roots = {file: parse(file) for file in files}
+        roots = {file: parse_model(file) for file in files}
         with source.named_in_errors():
             _write_structure(list(roots.values()), source.manifest, structure)
         for file, root in roots.items():

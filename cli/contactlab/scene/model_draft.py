@@ -217,7 +217,7 @@ class CompiledFiles(NamedTuple):
             else:
                 model = recordable_model(spec.compile(), source)
         base = replace(scene.base(run.structure), model=model)
-        meant, unchanged = (base.prepare(each.edits()).model for each in (run, plain))
+        meant, unchanged = (base.prepare(each.list_edits()).model for each in (run, plain))
         return cls(meant, unchanged, model, run, lines)
 
 

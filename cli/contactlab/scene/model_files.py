@@ -17,7 +17,7 @@ from pathlib import Path
 
 from contactlab.errors import SceneError
 from contactlab.scene.model_guards import OUTERMOST, ModelSize, Nesting, check_picture, check_places
-from contactlab.scene.model_xml import FILE_KEYS, FOLDER_KEYS, parse
+from contactlab.scene.model_xml import FILE_KEYS, FOLDER_KEYS, parse_model
 
 ASSET_FOLDERS = {
     "mesh": "meshdir",
@@ -116,7 +116,7 @@ class FileSearch:
         own = _make_plain_path(file.path)
         if own not in counts.read_paths:
             counts.read_paths.add(own)
-            root = parse(file.path)
+            root = parse_model(file.path)
             with named_in_errors(file.path):
                 elements, nestings = self.size.count_elements(root, counts.attached, outer)
                 counts.elements += elements

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from contactlab.scene.model_files import FileSearch, merge_compilers
-from contactlab.scene.model_xml import parse
+from contactlab.scene.model_xml import parse_model
 
 _FIRST_CHILD = re.compile(rb"[ \t]*\r?\n([ \t]+)<")
 _GENERAL = re.compile(rb"""\s(gain|bias)(type|prm)\s*=\s*("[^"]*"|'[^']*')""")
@@ -196,7 +196,7 @@ class Origins:
     def _inline_includes(
         self, path: Path, base: Path, origins: dict[ET.Element, Origin]
     ) -> ET.Element:
-        root, own = parse(path), path.resolve()
+        root, own = parse_model(path), path.resolve()
         origins |= {element: (own, place) for place, element in enumerate(root.iter())}
         for parent in list(root.iter()):
             for place, child in reversed(list(enumerate(parent))):

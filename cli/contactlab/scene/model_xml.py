@@ -52,7 +52,7 @@ def check_depth(depth: int) -> None:
         raise SceneError(f"its elements are nested deeper than {MAX_DEPTH}; nest them less")
 
 
-def parse(path: Path) -> ET.Element:
+def parse_model(path: Path) -> ET.Element:
     """Return the root element of a model's file; a SceneError names the mistake and its place.
 
     Names are as written, with their prefixes.
@@ -71,7 +71,7 @@ def parse(path: Path) -> ET.Element:
 
 
 def parse_text(text: str, file_name: str) -> ET.Element:
-    """Return the root element of a model's text, like `parse`. Errors name `file_name`."""
+    """Return the root element of a model's text, like `parse_model`. Errors name `file_name`."""
     return _Reading(Path(file_name), text.encode()).parse_root()
 
 

@@ -109,7 +109,7 @@ class RunSpec:
         """Return whether it differs from another run of its plan only in seed, id and index."""
         return other is not None and self.settings is other.settings
 
-    def edits(self) -> dict[str, object]:
+    def list_edits(self) -> dict[str, object]:
         """Return the settings, flags and effects to write into the compiled scene's model."""
         # Model fields go last: they override settings that write the same fields.
         names = sorted(
@@ -176,7 +176,7 @@ def write_axis(settings: Settings, axis: str, value: object) -> tuple[str, ...]:
 def resolve_variant(base: CompiledScene, run: RunSpec, name: str) -> RunSpec:
     """Return a run with a variant: with its options and flags, its step and its contacts."""
     variant = load_variants()[name]
-    own = base.prepare(run.edits()).model
+    own = base.prepare(run.list_edits()).model
     model = copy.copy(own)
     variant.change(model, own)
     model.opt.timestep = run.timestep / variant.rate

@@ -433,7 +433,7 @@ class Scene:
         base = self.base_of(run)
         base = base if compiled is None else replace(base, model=compiled)
         load = self._driving_of(run).find_load(run) if is_driven(run.drive) else None
-        return base.prepare(run.edits(), run.effect_request, start, load)
+        return base.prepare(run.list_edits(), run.effect_request, start, load)
 
     def model_key(self, run: RunSpec) -> str:
         """Return a hash that runs share if their models are the same for similar starts.
@@ -442,6 +442,6 @@ class Scene:
         """
         drive = drive_identity(run.drive)
         held_state = run.initial if run.drive == "hold" else {}
-        edits, without = run.edits(), sorted(run.without)
+        edits, without = run.list_edits(), sorted(run.without)
         key = json.dumps([run.structure, without, edits, drive, held_state])
         return hashlib.sha256(key.encode()).hexdigest()

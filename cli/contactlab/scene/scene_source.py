@@ -16,10 +16,10 @@ from pydantic import ValidationError
 
 from contactlab import resources
 from contactlab.errors import SceneError, install_command, no_file
-from contactlab.plugins import extensions
+from contactlab.plugins import find_extensions
 from contactlab.scene.model_files import SceneFiles, collect_files, relative_path
 from contactlab.scene.model_guards import check_places
-from contactlab.scene.model_xml import Elements, list_elements, parse
+from contactlab.scene.model_xml import Elements, list_elements, parse_model
 from contactlab.schema.drive import drive_files
 from contactlab.schema.requirement import explain_error
 from contactlab.schema.scene_manifest import SceneManifest
@@ -117,7 +117,7 @@ class SceneSource:
         for path in files:
             if path.suffix in MODEL_SUFFIXES:
                 with suppress(SceneError):
-                    all_elements += list_elements(parse(path))
+                    all_elements += list_elements(parse_model(path))
         return all_elements
 
     @contextmanager
@@ -196,7 +196,7 @@ def _scene_of_model(path: Path, name: str, copy: Path | None = None) -> SceneSou
 
 
 def _open_environment(name: str, folder: Path) -> Any:  # noqa: ANN401 - of another package
-    return extensions("environment")["mujoco"].load()(name, folder.absolute())
+    return find_extensions("environment")["mujoco"].load()(name, folder.absolute())
 
 
 def _scene_of_folder(

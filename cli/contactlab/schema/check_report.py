@@ -6,7 +6,7 @@ from pydantic import RootModel
 
 from contactlab.schema.evidence import Engine, Setting
 from contactlab.schema.finding import LEVEL, Level
-from contactlab.schema.report_model import Described
+from contactlab.schema.report_model import DescribedReport
 from contactlab.schema.strict_model import FiniteOrNull, Model, about
 
 CheckVerdict = Literal["pass", "warning", "fail", "not applicable"]
@@ -83,7 +83,7 @@ class StabilityResult(Model):
         return self.as_expected == self.expected > 0
 
 
-class StabilityReport(Described, RootModel[tuple[StabilityResult, ...]]):
+class StabilityReport(DescribedReport, RootModel[tuple[StabilityResult, ...]]):
     """Every case that could be run."""
 
     @property

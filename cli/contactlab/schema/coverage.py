@@ -175,7 +175,7 @@ def feature_of(setting: str) -> Feature | None:
 
 
 @dataclass(frozen=True)
-class Exercised:
+class ExercisedFeatures:
     """Features that some runs exercised, and their drives; all features if unknown.
 
     The present ones have parts in the model.
@@ -190,7 +190,7 @@ class Exercised:
     @classmethod
     def of_rows(
         cls, rows: Iterable[Mapping[str, Any]], enough: Collection[Feature] | None = None
-    ) -> "Exercised":
+    ) -> "ExercisedFeatures":
         """Return the features that the runs of a table's rows exercised, each part in any of them.
 
         Once these are features enough, no more rows are read.

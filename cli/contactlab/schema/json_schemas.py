@@ -6,7 +6,7 @@ from typing import cast
 
 from pydantic import BaseModel
 
-from contactlab.plugins import extensions
+from contactlab.plugins import find_extensions
 from contactlab.schema.advisory import Advisory
 from contactlab.schema.advisory_report import AdvisoriesCheck
 from contactlab.schema.check_report import Reference
@@ -72,7 +72,8 @@ def json_schemas() -> dict[str, Node]:
     for name, model in WRITTEN.items():
         schemas[name] = {"$schema": _DRAFT_07, **_rewrite_node(model.model_json_schema())}
     others = {
-        f"{name}.schema.json": extension.load() for name, extension in extensions("schema").items()
+        f"{name}.schema.json": extension.load()
+        for name, extension in find_extensions("schema").items()
     }
     for name, model in {**EMITTED, **others}.items():
         schemas[name] = {"$schema": _DRAFT_2020, **model.model_json_schema(mode="serialization")}

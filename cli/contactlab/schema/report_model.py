@@ -7,7 +7,7 @@ from contactlab.rendering.markdown import render_markdown
 from contactlab.schema.strict_model import Model
 
 
-class Described:
+class DescribedReport:
     """A result that a document describes. Its class is registered with the describing function."""
 
     @property
@@ -28,5 +28,5 @@ class Described:
         return render_markdown(self.describe())
 
 
-class ReportModel(Described, Model):
+class ReportModel(DescribedReport, Model):
     """A result of a command, as its JSON is written."""

@@ -85,7 +85,7 @@ class TimeRatio(Model):
             return 0.0
         return (self.high - self.low) / (2 * self.ratio)
 
-    def scaled(self, factor: float) -> "TimeRatio":
+    def scale_ratio(self, factor: float) -> "TimeRatio":
         """Return the ratio to a time that is shorter by an exact factor."""
         return self.of(self.ratio * factor, self.low * factor, self.high * factor)
 

@@ -110,19 +110,19 @@ class Store:
         folder, or one in object storage: `s3://bucket/prefix`. Raises a StoreError if it does not
         exist, is unfinished, damaged or of another version.
         """
-        store = cls.unchecked(address)
+        store = cls.open_unchecked(address)
         table = stored_file(store.path, TABLE)
         if table is not None and sha256_of(table) != store.manifest.files.get(TABLE):
             raise StoreError(
                 f"{store.address / TABLE} was changed since it was written; "
                 f"`contactlab verify {store.address}` says more"
             )
-        for miscount in store.miscounts():
+        for miscount in store.find_miscounts():
             raise StoreError(f"{store.address / MANIFEST} is damaged: {miscount}")
         return store
 
     @classmethod
-    def unchecked(cls, address: str | Address) -> "Store":
+    def open_unchecked(cls, address: str | Address) -> "Store":
         """Open a store without checking its table; see `open`."""
         address = parse_address(address)
         backend = backend_at(address, StoreError)
@@ -145,9 +145,9 @@ class Store:
             check_table_size(table, manifest.runs)
         return store
 
-    def miscounts(self) -> Iterator[str]:
+    def find_miscounts(self) -> Iterator[str]:
         """Yield the counts of the manifest that differ from those of the table."""
-        for name, count in count_outcomes(self.columns.batches(OUTCOME_COLUMNS)).items():
+        for name, count in count_outcomes(self.columns.iterate_batches(OUTCOME_COLUMNS)).items():
             if (stated_count := getattr(self.manifest, name)) != count:
                 yield f"{name} is {stated_count}, but {TABLE} has {count}"
 
@@ -194,7 +194,7 @@ class Store:
     @cached_property
     def table(self) -> pa.Table:
         """Every run as a row, in plan order; units are in the fields' metadata."""
-        return self.columns.arrow()
+        return self.columns.read_arrow()
 
     @cached_property
     def columns(self) -> RunColumns:
@@ -245,7 +245,7 @@ class Store:
 
     def record_at(self, row: int) -> EvidenceRecord:
         """Return the record of the run in a row; see `records`."""
-        return self._record_of(self.columns.row(row))
+        return self._record_of(self.columns.read_row(row))
 
     def _record_of(self, row: Mapping[str, Any]) -> EvidenceRecord:
         try:

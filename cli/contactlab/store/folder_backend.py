@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from contactlab.errors import ContactlabError, OutputError, optional
-from contactlab.plugins import extensions
+from contactlab.plugins import find_extensions
 from contactlab.schema.evidence import StoreManifest, SweepIdentity
 from contactlab.store.atomic_files import (
     TEMPORARY_SUFFIX,
@@ -229,4 +229,4 @@ def backend_at(address: Address, error: type[ContactlabError]) -> Backend:
     if isinstance(address, Path):
         return FolderBackend(address, error)
     with optional("objects", f"a store at {address.scheme}://"):
-        return extensions("store")[address.scheme].load()(address, error)
+        return find_extensions("store")[address.scheme].load()(address, error)

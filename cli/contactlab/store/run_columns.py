@@ -98,7 +98,7 @@ class RunColumns:
         """The columns of measured values by name, in table order."""
         return {name: column for name, column in self.described.items() if column.better}
 
-    def arrow(self, names: Sequence[str] | None = None) -> pa.Table:
+    def read_arrow(self, names: Sequence[str] | None = None) -> pa.Table:
         """Return the table, or some of its columns."""
         with table_errors(self.path):
             table = self._file.read(names and list(names), use_threads=False)
@@ -106,7 +106,7 @@ class RunColumns:
             table.validate(full=True)
             return table
 
-    def batches(self, names: Sequence[str] | None = None) -> Iterator[pa.RecordBatch]:
+    def iterate_batches(self, names: Sequence[str] | None = None) -> Iterator[pa.RecordBatch]:
         """Yield some thousand rows at a time, with all or some columns."""
         with table_errors(self.path):
             batch_rows = 1 << 12  # in memory at once, possibly with all of their columns
@@ -121,7 +121,7 @@ class RunColumns:
         parts = [ids for _, ids in self.parts("run_id")]
         return pa.chunked_array(parts, pa.string()).combine_chunks()
 
-    def ids(self) -> NDArray[np.uint64]:
+    def read_ids(self) -> NDArray[np.uint64]:
         """Return (runs,) the ids of the runs as 64-bit numbers."""
         all_ids = np.empty(self.runs, np.uint64)
         for rows, ids in self.parts("run_id"):
@@ -132,7 +132,7 @@ class RunColumns:
         """Return the hash of the plan with all of these runs, with `seeds` seeds per row."""
         return hash_of_ids(
             self._id_numbers(rows["run_id"])[numpy_array(rows["index"]) % seeds == 0]
-            for rows in self.batches(["run_id", "index"])
+            for rows in self.iterate_batches(["run_id", "index"])
         )
 
     def _id_numbers(self, ids: pa.Array) -> NDArray[np.uint64]:
@@ -205,7 +205,7 @@ class RunColumns:
                 values[rows] = numpy_array(column)
         return NumberColumn(values, valid)
 
-    def ranked(
+    def rank_numbers(
         self, name: str, also: Sequence[float] = ()
     ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
         """Return the distinct numbers of a column and `also`, and the index of each run's number.
@@ -219,7 +219,7 @@ class RunColumns:
             places[rows] = np.searchsorted(values, _number_column(column).values)
         return values, places
 
-    def coded(self, name: str) -> CodedColumn:
+    def read_codes(self, name: str) -> CodedColumn:
         """Return a column by its stored codes, without expanding its text."""
         codes_of_runs, codes_by_word, nulls = np.empty(self.runs, np.int32), dict[Any, int](), False
         by_codes = pq.ParquetFile(
@@ -302,15 +302,17 @@ class RunColumns:
 
     def to_pydict(self, names: Sequence[str]) -> dict[str, list[Any]]:
         """Return some columns as lists of Python values, None for nulls."""
-        return self.arrow(names).to_pydict()
+        return self.read_arrow(names).to_pydict()
 
     def values(self, name: str) -> set[Any]:
         """Return the distinct values of a column, with None for nulls."""
         return {
-            value for part in self.batches([name]) for value in _python_values(part[0].unique())
+            value
+            for part in self.iterate_batches([name])
+            for value in _python_values(part[0].unique())
         }
 
-    def distinct(self, names: Sequence[str]) -> Iterator[dict[str, Any]]:
+    def iterate_distinct(self, names: Sequence[str]) -> Iterator[dict[str, Any]]:
         """Yield the distinct values of rows in some columns, for some rows at a time."""
         with table_errors(self.path):
             for rows in batches_of(self._file, GROUP, [*names]):
@@ -318,7 +320,7 @@ class RunColumns:
                 for values in dict.fromkeys(zip(*columns.values(), strict=True)):
                     yield dict(zip(columns, values, strict=True))
 
-    def present(self, names: Sequence[str]) -> Iterator[dict[str, Any]]:
+    def iterate_present(self, names: Sequence[str]) -> Iterator[dict[str, Any]]:
         """Yield the values of rows in some columns if the first is not null, likewise."""
         with table_errors(self.path):
             for rows in batches_of(self._file, GROUP, [*names]):
@@ -332,7 +334,7 @@ class RunColumns:
         chosen[[*rows]] = True
         yield from iterate_rows(Path(self._source), chosen)
 
-    def row(self, index: int) -> dict[str, Any]:
+    def read_row(self, index: int) -> dict[str, Any]:
         """Return one row of the table, reading only its row group."""
         return self.select_values(self.schema.names, [index])[0]
 
@@ -352,7 +354,7 @@ class RunColumns:
                 start, stop = stop, stop + len(batch)
                 yield slice(start, stop), batch.column(0)
 
-    def between(self, name: str, rows: slice) -> pa.ChunkedArray:
+    def read_between(self, name: str, rows: slice) -> pa.ChunkedArray:
         """Return a column of consecutive rows, reading only their row groups."""
         parts, at = list[pa.Array](), rows.start
         with table_errors(self.path):
@@ -371,7 +373,7 @@ def equal_texts(one: RunColumns, other: RunColumns, name: str) -> NDArray[np.boo
     """Return (runs,) whether a text column is equal, and not null, in two equally long tables."""
     equal = np.zeros(one.runs, np.bool_)
     for rows, ours in one.parts(name):
-        theirs = other.between(name, rows)
+        theirs = other.read_between(name, rows)
         both = compute_digests(
             "and", compute_digests("is_valid", ours), compute_digests("is_valid", theirs)
         )

@@ -390,25 +390,20 @@ def batches_of(
     As many row groups are read at once as fit; a reader across more of them would keep all texts
     that it has read.
     """
-    for lot in _lots_of(file, size, range(file.num_row_groups) if groups is None else groups):
+    # Row groups in lots of at most `size` rows, or of a single group.
+    lots, rows = list[list[int]](), 0
+    for group in range(file.num_row_groups) if groups is None else groups:
+        own = file.metadata.row_group(group).num_rows
+        if not lots or rows + own > size:
+            lots.append([])
+            rows = 0
+        lots[-1].append(group)
+        rows += own
+    for lot in lots:
         if len(lot) > 1 or file.metadata.row_group(lot[0]).num_rows <= size:
             yield from file.read_row_groups(lot, names, use_threads=False).to_batches()
         else:
             yield from file.iter_batches(size, row_groups=lot, columns=names, use_threads=False)
-
-
-def _lots_of(file: pq.ParquetFile, size: int, groups: Iterable[int]) -> Iterator[list[int]]:
-    # Yield row groups in lots of at most `size` rows, or of a single group.
-    lot, rows = list[int](), 0
-    for group in groups:
-        own = file.metadata.row_group(group).num_rows
-        if lot and rows + own > size:
-            yield lot
-            lot, rows = [], 0
-        lot.append(group)
-        rows += own
-    if lot:
-        yield lot
 
 
 @contextmanager

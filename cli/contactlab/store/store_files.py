@@ -21,7 +21,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import from_json, to_json
 
 from contactlab.errors import OtherSweepError, OutputError, StoreError
-from contactlab.plugins import extensions
+from contactlab.plugins import find_extensions
 from contactlab.schema.evidence import STORE_VERSION, StoreManifest, SweepIdentity
 from contactlab.schema.strict_model import is_inner_name
 from contactlab.schema.sweep_schema import Sweep
@@ -62,7 +62,11 @@ def parse_address(text: str | Address) -> Address:
     if not isinstance(text, str):
         return text
     url = _URL_PARTS.fullmatch(text)
-    if url is None and (scheme := text.partition(":")[0]) in extensions("store") and ":" in text:
+    if (
+        url is None
+        and (scheme := text.partition(":")[0]) in find_extensions("store")
+        and ":" in text
+    ):
         raise OutputError(f"{text}: write {scheme}://BUCKET/PREFIX")
     if url is None:
         # Arrow would read a relative path with a colon as a URL.
@@ -73,7 +77,7 @@ def parse_address(text: str | Address) -> Address:
             f"the {url['scheme']}:// address holds credentials; write it without them, and set the "
             "environment variables of the provider (see docs/how-to/stores.md)"
         )
-    if url["scheme"] not in (schemes := extensions("store")):
+    if url["scheme"] not in (schemes := find_extensions("store")):
         known_schemes = ", ".join(f"{scheme}://" for scheme in schemes)
         raise OutputError(f"{text}: a store is a folder or an address with {known_schemes}")
     bucket, *parts = url["rest"].rstrip("/").split("/")

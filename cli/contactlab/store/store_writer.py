@@ -166,7 +166,7 @@ class StoreWriter:
         manifest = StoreManifest(
             sweep=self.identity,
             provenance=provenance,
-            **count_outcomes(columns.batches(OUTCOME_COLUMNS)),
+            **count_outcomes(columns.iterate_batches(OUTCOME_COLUMNS)),
             **concluded(columns),
             files=files | {f"{SCENES}/{name}": sha256 for name, sha256 in scenes},
             records=digests.records,

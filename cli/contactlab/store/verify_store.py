@@ -73,7 +73,7 @@ def find_problems(
     limited to the `chosen` ones (runs,). Apart from the ids, memory does not grow with the number
     of runs. Raises a StoreError if the store cannot be opened at all.
     """
-    problems = _find_problems(Store.unchecked(address), chosen, thorough=thorough)
+    problems = _find_problems(Store.open_unchecked(address), chosen, thorough=thorough)
     return list(islice(problems, MOST_PROBLEMS))
 
 
@@ -127,7 +127,7 @@ def contradictory_records(store: Store) -> list[str]:
     if store.columns.runs > _MAX_QUICK_RECORDS:
         return problems
     try:
-        rows = _suspected_rows(store, store.columns.batches(), traced=False)
+        rows = _suspected_rows(store, store.columns.iterate_batches(), traced=False)
         for _ in _sound_records(store, rows, problems):
             pass
     except (StoreError, LookupError, ValueError, OSError) as error:
@@ -152,7 +152,7 @@ def damaged_traces(store: Store) -> Iterator[str]:
         return
     # A quick check reads traces up to this total size, and only checks the size of the others.
     remaining_bytes = 256 << 20
-    traces = store.columns.present(("trace_file", "trace_bytes", "trace_sha256"))
+    traces = store.columns.iterate_present(("trace_file", "trace_bytes", "trace_sha256"))
     for trace in count_steps(traces, "traces", store.manifest.traces):
         file, expected, sha256 = trace.values()
         remaining_bytes -= expected or 0
@@ -221,18 +221,18 @@ def _check_columns(store: Store) -> Iterator[str]:
             f"this contactlab reads version {RECORD_VERSION}"
         )
     manifest = store.manifest
-    yield from (f"{MANIFEST}: {miscount}" for miscount in store.miscounts())
+    yield from (f"{MANIFEST}: {miscount}" for miscount in store.find_miscounts())
     if manifest.runs != manifest.sweep.runs_asked:
         run_count = manifest.sweep.runs_asked
         yield f"{MANIFEST}: {manifest.runs} runs, but the sweep has {run_count}"
     last = -1
-    for part in store.columns.batches(["index"]):
+    for part in store.columns.iterate_batches(["index"]):
         places = numpy_array(part["index"])
         if part["index"].null_count or not (np.diff(places, prepend=last) > 0).all():
             yield f"{TABLE}: its runs are not in the order of their index"
             break
         last = places[-1]
-    ids = store.columns.ids()
+    ids = store.columns.read_ids()
     ids.sort()
     repeated_ids = ids[1:][ids[1:] == ids[:-1]]
     for run, count in Counter(repeated_ids.tolist()).items():
@@ -286,7 +286,7 @@ def _check_records(
     left_out = store.manifest.traces_left_out
     trace_names = set[str]() if left_out else store.columns.values("trace_file")
     # All rows are in the digest; those with a trace are checked with it.
-    rows = select_rows(map(digest.add_rows, store.columns.batches()), chosen)
+    rows = select_rows(map(digest.add_rows, store.columns.iterate_batches()), chosen)
     suspected = _suspected_rows(store, rows, traced=not left_out)
     sound = _sound_records(store, suspected, problems)
     traced = (record for record in sound if record.trace is not None and not left_out)
@@ -393,7 +393,7 @@ def write_baseline(source: Address, target: Path, pinned: str | None = None) -> 
         with _staging_folder(target) as folder:
             _check_target(source, target, pinned)
             # Copy everything except the traces.
-            store = Store.unchecked(source)
+            store = Store.open_unchecked(source)
             copy = folder / "new"
             shutil.copytree(store.scene_folder.parent, copy / SCENES)
             shutil.copyfile(store.file(IDENTITY), copy / IDENTITY)
@@ -420,7 +420,7 @@ def write_baseline(source: Address, target: Path, pinned: str | None = None) -> 
                 move_folder(copy, target)
     except OSError as error:
         raise write_error(Path(error.filename or target), error) from error
-    return Store.unchecked(target)
+    return Store.open_unchecked(target)
 
 
 @contextmanager
@@ -452,14 +452,14 @@ def _staging_folder(target: Path) -> Generator[Path]:
 
 
 def _check_target(source: Address, target: Path, pinned: str | None) -> None:
-    if pinned is not None and (digest := Store.unchecked(target).digest) != pinned:
+    if pinned is not None and (digest := Store.open_unchecked(target).digest) != pinned:
         raise OutputError(f"{target} has the digest {digest}, not {pinned}, so it is not replaced")
     if not target.exists() or (target.is_dir() and not any(target.iterdir())):
         return
     if isinstance(source, Path) and target.samefile(source):
         raise OutputError(f"{target} is the store itself; name another folder for the baseline")
     try:
-        replaceable = Store.unchecked(target).manifest.traces_left_out
+        replaceable = Store.open_unchecked(target).manifest.traces_left_out
     except StoreError:
         # A baseline of another version may be replaced; anything else may not.
         replaceable = (target / MANIFEST).is_file() and not (target / TRACES).exists()

@@ -39,7 +39,7 @@ from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredTrace
 from contactlab.tasks.session import Session, Values, read_settings
 from contactlab.tasks.task_motions import Change, as_it_is, task_motions
-from contactlab.tasks.task_verdict import moves, refuse_lengths, verdict_of
+from contactlab.tasks.task_verdict import can_move, refuse_lengths, verdict_of
 
 TASK_STORE = "run"
 """Name of the store of the task's runs, one for each of its seeds."""
@@ -124,7 +124,7 @@ class CheckedModel:
     @cached_property
     def prepared(self) -> PreparedModel:
         """Its model with the settings written."""
-        return self.base.prepare(self.resolved.edits())
+        return self.base.prepare(self.resolved.list_edits())
 
     @cached_property
     def name_geoms(self) -> Replacer:
@@ -134,7 +134,7 @@ class CheckedModel:
     @cached_property
     def moves(self) -> bool:
         """Whether MuJoCo moves something in it."""
-        return moves(self.resolved, self.base.model)
+        return can_move(self.resolved, self.base.model)
 
     def motions_of(
         self,

@@ -15,7 +15,7 @@ import numpy as np
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION, without_delays
 from contactlab.budget.step_work import UNIT_SECONDS, StepWork
-from contactlab.budget.windows import Run, replay
+from contactlab.budget.windows import Run, replay_motion
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.model_edits import read_flag, set_timestep
 
@@ -48,7 +48,8 @@ class CountedCost:
         self._motions = [without_delays(motion) for motion in motions]
         samples = min(12, max(3, samples))
         self._starts = [
-            _sample_states(replay(motion, SAMPLE_SECONDS, workers), samples) for motion in motions
+            _sample_states(replay_motion(motion, SAMPLE_SECONDS, workers), samples)
+            for motion in motions
         ]
         self._own_step = float(motions[0].model.opt.timestep)
         self.fine_step = self._own_step

@@ -14,9 +14,9 @@ import mujoco
 import numpy as np
 
 from contactlab.budget import ErrorBudget, Motion, PhaseBudget, Reading
-from contactlab.budget.defects import defects, paths
+from contactlab.budget.defects import measure_defects, measure_paths
 from contactlab.budget.measuring import WINDOW
-from contactlab.budget.motion import GRAVITY_AS_REAL, pulls, without_delays
+from contactlab.budget.motion import GRAVITY_AS_REAL, measure_pulls, without_delays
 from contactlab.budget.restarts import (
     MIN_WINDOW_STEPS,
     build_reference_model,
@@ -27,7 +27,7 @@ from contactlab.budget.restarts import (
     subsample_windows,
     whole_windows,
 )
-from contactlab.budget.windows import Observer, Run, body_name, judged_bodies, replay
+from contactlab.budget.windows import Observer, Run, body_name, judged_bodies, replay_motion
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.modifications.model_predicates import is_disabled
@@ -119,7 +119,7 @@ class PhaseReference:
         steps = max(1, round(WINDOW / motion.model.opt.timestep))
         fine = refine_motion(self._motion, self._reference_model, finer)
         window = min(steps, motion.steps) * float(motion.model.opt.timestep)
-        self._run: Run = replay(fine, window, workers)
+        self._run: Run = replay_motion(fine, window, workers)
         self._bodies = judged_bodies(motion.model)
         self._observe = Observer(motion.model, motion.starts[0], self._bodies, workers)
         self._cached_reference = (0, np.empty(0))
@@ -172,7 +172,7 @@ class PhaseReference:
         """(M, B) real impulses of windows over mass [m/s], which errors are a share of."""
         model, run, rate = self._motion.model, self._run, self._substeps
         gravity = 0.0 if is_disabled(model, "gravity") else 1.0
-        fall = pulls(self._motion, gravity * model.opt.gravity)[..., self._bodies]
+        fall = measure_pulls(self._motion, gravity * model.opt.gravity)[..., self._bodies]
         impulses = np.empty((len(self._windows), len(self._bodies)))
         for place, (seed, window) in enumerate(self._windows):
             begin = int(run.begins[window])
@@ -180,7 +180,7 @@ class PhaseReference:
             speed = self._observe(states)[0]
             span = slice(begin // rate, (begin + run.steps) // rate)
             weight = GRAVITY_AS_REAL * model.opt.timestep * fall[seed, span].sum(axis=0)
-            impulses[place] = paths(speed[None])[0] + weight
+            impulses[place] = measure_paths(speed[None])[0] + weight
             if not window:
                 impulses[place] += np.linalg.norm(speed[0], axis=-1)
         return impulses
@@ -202,7 +202,7 @@ class PhaseReference:
             slack = self._slack_of(multiple)
             # Velocities are straight between steps.
             own = own[:, 1:2] + (own - own[:, 1:2]) * (slack / multiple)
-            errors = defects(own, self._reference_around(ends, which, multiple))
+            errors = measure_defects(own, self._reference_around(ends, which, multiple))
         else:
             apart = np.linalg.norm(own[:, 1] - against[:, 1], axis=-1)
             errors = np.where(np.isnan(apart), np.inf, apart)
@@ -294,7 +294,7 @@ class PhaseReference:
             )
         count = max(MIN_WINDOW_STEPS, round(self._run.steps / multiple))
         motion = self.motion_of(model, multiple, which, count + 1)
-        run = replay(motion, (count + 1) * float(motion.model.opt.timestep), self._workers)
+        run = replay_motion(motion, (count + 1) * float(motion.model.opt.timestep), self._workers)
         return self._observe(run.velocity_states[:, count - 1 : count + 2])[0]
 
     def motion_of(

@@ -19,7 +19,7 @@ from contactlab.plan.sweep_file import read_sweep
 from contactlab.run.planned_runs import keep_scene
 from contactlab.run.sweep_request import SceneLoader, SweepRequest
 from contactlab.run.sweep_runner import run_sweep
-from contactlab.run.tasks import BeginCallback, Finished, Stop
+from contactlab.run.tasks import BeginCallback, FinishedRun, Stop
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.atomic_files import atomic_write, write_errors
 from contactlab.store.finished_store import Store
@@ -43,7 +43,7 @@ class Session:
     folder: Path  # receives the stores of the study, each under its own name, and its reports
     workers: int = 0  # worker processes; 0 runs everything in this process
     begin: BeginCallback = _ignore  # called when the runs of a sweep, or a pass over them, begin
-    progress: Callable[[Sequence[Finished]], None] = _ignore  # called with runs as they finish
+    progress: Callable[[Sequence[FinishedRun]], None] = _ignore  # called with runs as they finish
     # Called with a line of text, where there is something to tell before the report.
     notify: Callable[[str], None] = _ignore
     stop: Stop | None = None  # set, from another thread or a signal handler, to end the study early

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from contactlab.budget import Motion
-from contactlab.budget.windows import replay
+from contactlab.budget.windows import replay_motion
 from contactlab.contact.trace_arrays import Floats
 
 TILT_DEGREES = 20.0  # degrees
@@ -102,7 +102,7 @@ def _digest_states(states: Floats) -> bytes:
 def visit_states(motion: Motion, workers: int) -> Floats:
     """Return the states (S, N + 2, kept) of a motion before each step, and after the last."""
     length = motion.steps * float(motion.model.opt.timestep)
-    return replay(motion, length, workers).velocity_states
+    return replay_motion(motion, length, workers).velocity_states
 
 
 def join_seeds(one: Motion, other: Motion) -> Motion:

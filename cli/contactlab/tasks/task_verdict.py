@@ -54,7 +54,7 @@ def task_verdict(
         EngineError: none of the observed bodies moves and has mass.
     """
     run = scene.resolve(values, task.seeds[0], task.duration)
-    if not moves(run, scene.base(run.structure).model):
+    if not can_move(run, scene.base(run.structure).model):
         return verdict_of(task, None, records)
     whole = scene.with_effects("all")
     motions = task_motions(whole, values, task, allow_code=session.allow_code)
@@ -100,7 +100,7 @@ def verdict_of(
     )
 
 
-def moves(run: RunSpec, model: mujoco.MjModel) -> bool:
+def can_move(run: RunSpec, model: mujoco.MjModel) -> bool:
     """Return whether MuJoCo simulates a run, and something in its model moves and has mass."""
     masses = model.body_mass[model.body_weldid > 0]
     return run.engine == MODEL_ENGINE and bool(model.nv) and bool(np.any(masses > 0))

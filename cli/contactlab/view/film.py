@@ -346,7 +346,7 @@ class RunPictures:
         return [drawn[frame] for frame in wanted]
 
     def _draw_frames(self, frames: Sequence[int]) -> Iterator[Picture]:
-        record, model, motion = self.replay.record, self.replay.prepared.model, self.motion
+        record, model, motion = self.replay.record, self.replay.prepared_model.model, self.motion
         chosen = {frame: self.qpos[frame] for frame in frames}
         outcomes = [] if record.success is None else ["success" if record.success else "no success"]
         # An episode's success says more than `stable`, but a failed contact is added to it.

@@ -94,7 +94,7 @@ def render_run(
             f"--at {outside[0]:g}: choose a time within the run, {start:g} to {end:g} s"
         )
     if target.suffix.lower() in _VIEWER_SUFFIXES:
-        motion = read_motion(replay.prepared, trace, _RULES.frame_rate)
+        motion = read_motion(replay.prepared_model, trace, _RULES.frame_rate)
         events = run_events(replay.record.labels, trace.time[: motion.rows[-1] + 1])
         if target.suffix.lower() == ".rrd":
             with optional("rerun", target.suffix):
@@ -177,7 +177,7 @@ def _write_pictures(
         if suffix == ".gif":
             # 256 colors hardly show smoothed edges, which take half of the time without a GPU.
             for picture in pictures:
-                picture.replay.prepared.model.vis.quality.offsamples = 0
+                picture.replay.prepared_model.model.vis.quality.offsamples = 0
         films = [picture.draw_film(rate) for picture in pictures]
         write_film = write_mp4 if suffix == ".mp4" else write_gif
         write_film(
@@ -195,7 +195,10 @@ def _draw_moments(
     times = options.at or sorted({time for run in runs for time in _sheet_times(*run, most)})
     motions = [
         _follow_pair(
-            read_motion(replay.prepared, trace, _RULES.frame_rate, times), replay, trace, options
+            read_motion(replay.prepared_model, trace, _RULES.frame_rate, times),
+            replay,
+            trace,
+            options,
         )
         for replay, trace in runs
     ]
@@ -230,7 +233,7 @@ def _share_view(motions: Sequence[BodyMotion]) -> list[BodyMotion]:
 
 
 def _sheet_times(replay: PreparedReplay, trace: StoredTrace, most: int) -> list[float]:
-    motion = read_motion(replay.prepared, trace, _RULES.frame_rate)
+    motion = read_motion(replay.prepared_model, trace, _RULES.frame_rate)
     events = run_events(replay.record.labels, trace.time[: motion.rows[-1] + 1])
     return picture_times(motion, trace, events, failing_pair(replay.record, trace.pairs), most)
 
@@ -244,7 +247,10 @@ def _run_pictures(
 ) -> "RunPictures":
     from contactlab.view.film import RunPictures, recorded_poses  # noqa: PLC0415 - an extra
 
-    motion, model = read_motion(replay.prepared, trace, rate, times), replay.prepared.model
+    motion, model = (
+        read_motion(replay.prepared_model, trace, rate, times),
+        replay.prepared_model.model,
+    )
     qpos = trace.qpos[motion.rows]
     recorded = recorded_poses(replay.runs.scene.recorded_motion(replay.runs.resolved), motion.time)
     if recorded:
@@ -269,7 +275,7 @@ def _follow_pair(
     else:
         name, geom_bodies = (
             failing_pair(replay.record, trace.pairs),
-            replay.prepared.model.geom_bodyid,
+            replay.prepared_model.model.geom_bodyid,
         )
         pairs = [pair for pair in replay.runs.base.pairs if pair.name == name]
         bodies = [int(geom_bodies[geoms[0]]) for pair in pairs for geoms in pair.geoms]

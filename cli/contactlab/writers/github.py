@@ -26,7 +26,7 @@ def as_annotations(report: Report) -> str:
     return _join_both_levels(report.title, errors, warnings)
 
 
-def annotations(title: str, errors: Sequence[str], warnings: Sequence[str]) -> str:
+def write_annotations(title: str, errors: Sequence[str], warnings: Sequence[str]) -> str:
     """Return the annotations of errors and warnings: 9 of each, and how many more."""
     return _join_both_levels(title, [*map(_Message, errors)], [*map(_Message, warnings)])
 

@@ -42,7 +42,7 @@ def measured() -> Callable[..., Measured]:
         scene = scenes.setdefault(name, Scene.open(name))
         run = scene.resolve(values, 0, None)
         base = scene.base(run.structure)
-        prepared = base.prepare(run.edits())
+        prepared = base.prepare(run.list_edits())
         rollout = roll_out([prepared.model], scene.initial_states([run]), run.steps, Buffers())
         trace = make_trace(base, [prepared], rollout)
         setup = make_setup(base, scene.source.manifest, [run], [prepared.model], {})

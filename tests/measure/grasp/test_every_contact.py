@@ -50,7 +50,7 @@ def test_each_of_fifty_two_contacts_is_in_the_trace(tmp_path: Path) -> None:
     values = {"opening": 0.09, "solref": (0.005, 1.0)}
     run = scene.resolve(values, row["seed"], 0.6)
     base = scene.base(run.structure)
-    prepared = base.prepare(run.edits())
+    prepared = base.prepare(run.list_edits())
     rollout = roll_out([prepared.model], scene.initial_states([run]), run.steps, Buffers())
     floor = make_trace(base, [prepared], rollout).pairs[2]
     filled = floor.touching[0].sum(axis=1)

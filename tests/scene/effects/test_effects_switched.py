@@ -43,7 +43,7 @@ def test_every_effect_can_be_switched_off(
 ) -> None:
     """By its axis; gravity and impratio take `false` for the value that leaves them out."""
     scene = make_scene(MANY)
-    spec = scene.catalogue.find(name)
+    spec = scene.catalogue.find_axis(name)
     assert spec is not None
     found = prepared(scene, "all", **{name: spec.parse(False)})
     state = found.effects[name]

@@ -26,7 +26,7 @@ from contactlab.errors import ClusterError
 from contactlab.run.ray import node as ray_node
 from contactlab.run.ray.node import NodeRequirements
 from contactlab.run.task_bundle import pack_bundle
-from contactlab.run.tasks import MAX_LOSSES, Crashed, Job, Result, Stop, Task
+from contactlab.run.tasks import MAX_LOSSES, CrashedJob, Job, Result, Stop, Task
 from contactlab.store.atomic_files import TEMPORARY_SUFFIX
 from contactlab.store.store_files import TRACES
 
@@ -119,11 +119,11 @@ class InFlight:
         except TaskCancelledError:
             return None
         except OutOfMemoryError:
-            return Crashed(job, "out of memory: the cluster ended the worker", timed_out=False)
+            return CrashedJob(job, "out of memory: the cluster ended the worker", timed_out=False)
         except _LOSS_ERRORS as error:
             losses += 1
             if losses == MAX_LOSSES:
-                return Crashed(
+                return CrashedJob(
                     job,
                     f"its node was lost {losses} times: {type(error).__name__}",
                     timed_out=False,

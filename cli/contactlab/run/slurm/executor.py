@@ -18,7 +18,7 @@ from submitit.core.utils import FailedJobError, UncompletedJobError
 
 from contactlab.run.slurm.part import BUNDLE, RESULT, STOP, Part, runs_of, unfinished_jobs
 from contactlab.run.task_bundle import pack_bundle
-from contactlab.run.tasks import MAX_LOSSES, Crashed, Job, Result, Stop, Task
+from contactlab.run.tasks import MAX_LOSSES, CrashedJob, Job, Result, Stop, Task
 from contactlab.temporary_folders import make_locked_folder
 
 _POLL_SECONDS = 0.5  # between two checks for results [s]
@@ -149,7 +149,7 @@ class Arrays:
             file.unlink()
             yield result
 
-    def _end_task(self, task: Any) -> Crashed | None:  # noqa: ANN401 - as submitit types it
+    def _end_task(self, task: Any) -> CrashedJob | None:  # noqa: ANN401 - as submitit types it
         """End a task; its remaining jobs are submitted again, or one is the cause of its loss."""
         jobs, losses = self._active.pop(task)
         try:
@@ -164,4 +164,6 @@ class Arrays:
             self._submit_parts([jobs], losses + 1)
             return None
         self._submit_parts([jobs[1:]], 0)
-        return Crashed(jobs[0], f"its task was lost {MAX_LOSSES} times: {reason}", timed_out=False)
+        return CrashedJob(
+            jobs[0], f"its task was lost {MAX_LOSSES} times: {reason}", timed_out=False
+        )

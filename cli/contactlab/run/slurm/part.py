@@ -18,7 +18,7 @@ from submitit.helpers import DelayedSubmission
 
 from contactlab.errors import ClusterError, ContactlabError
 from contactlab.run.task_bundle import unpack_bundle
-from contactlab.run.tasks import Crashed, Job, Result, Stop
+from contactlab.run.tasks import CrashedJob, Job, Result, Stop
 from contactlab.run.worker_pool import LocalPool
 from contactlab.store.atomic_files import write_file
 from contactlab.temporary_folders import temporary_folder
@@ -81,7 +81,7 @@ class Part:
 
 def runs_of(result: Result) -> Iterator[str]:
     """Yield the ids of the runs in a result."""
-    if isinstance(result, Crashed):
+    if isinstance(result, CrashedJob):
         yield from (run.run_id for run in result.job)
     else:
         yield from (from_json(finished.row)["run_id"] for finished in result)

@@ -104,7 +104,7 @@ class ModelFacts:
         return any(_can_rotate(self._model, int(body)) for body in bodies)
 
     @property
-    def crowded(self) -> bool:
+    def has_crowded_body(self) -> bool:
         """Whether a body has more than one geom."""
         return bool(self._model.nflex or (np.asarray(self._model.body_geomnum) > 1).any())
 
@@ -281,7 +281,9 @@ no_general_collision = first_proof(
 )
 no_crowd = first_proof(
     no_contact,
-    proof_from_condition("no body has more than one geom", lambda run: not run.facts.crowded),
+    proof_from_condition(
+        "no body has more than one geom", lambda run: not run.facts.has_crowded_body
+    ),
 )
 # Sleeping needs islands.
 one_tree = proof_from_condition(

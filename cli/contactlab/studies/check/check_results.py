@@ -6,7 +6,7 @@ of thumb of people who simulate contact with MuJoCo.
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from contactlab.judge.limits import exceeding, in_words, limit_findings, limited, worst_of
+from contactlab.judge.limits import find_exceeding, find_limited, in_words, limit_findings, worst_of
 from contactlab.schema.check_report import CheckResult, CheckVerdict, Measure
 from contactlab.schema.finding import Finding, Level
 
@@ -29,10 +29,10 @@ def check_result(
         reason, *notes = notes
         verdict: CheckVerdict = "not applicable"
     else:
-        levels = {measure.level for measure in exceeding(measures)}
+        levels = {measure.level for measure in find_exceeding(measures)}
         worst: list[CheckVerdict] = [word for level, word in _VERDICTS.items() if level in levels]
         verdict = worst[0] if worst else "pass"
-        groups = sorted(limited(measures), key=lambda group: not exceeding(group))
+        groups = sorted(find_limited(measures), key=lambda group: not find_exceeding(group))
         reason = "; ".join(in_words(worst_of(group)) for group in groups)
     return CheckResult(
         name=name,

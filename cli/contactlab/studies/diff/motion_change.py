@@ -13,11 +13,11 @@ import mujoco
 import numpy as np
 
 from contactlab.budget import Motion
-from contactlab.budget.defects import defects, paths, slack_share
+from contactlab.budget.defects import measure_defects, measure_paths, slack_share
 from contactlab.budget.measuring import WINDOW
 from contactlab.budget.motion import GRAVITY_AS_REAL, INTEGRATION
 from contactlab.budget.restarts import scale_of_impulses, whole_windows
-from contactlab.budget.windows import Observer, judged_bodies, replay
+from contactlab.budget.windows import Observer, judged_bodies, replay_motion
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import EngineError, SceneError
 from contactlab.numerical_tolerance import ROUNDING, SUM_ROUNDING
@@ -94,7 +94,7 @@ def _phase_impulses(
 ) -> tuple[Floats, Floats]:
     """Return (B,) residual and real impulses of bodies over their masses [m/s], of a phase."""
     model, step = motion.model, float(motion.model.opt.timestep)
-    run = replay(motion, WINDOW, 1)
+    run = replay_motion(motion, WINDOW, 1)
     windows = [window for window in whole_windows(run) if run.valid[0, window]]
     if not windows:
         raise EngineError(f"MuJoCo gave up in the first window of {motion.name}")
@@ -106,10 +106,10 @@ def _phase_impulses(
     )
     gravity = float(np.linalg.norm(model.opt.gravity))
     weight = GRAVITY_AS_REAL * gravity * run.steps * step
-    real = (paths(path[:, :-1]) + weight).sum(axis=0)
+    real = (measure_paths(path[:, :-1]) + weight).sum(axis=0)
     if windows[0] == 0:
         real += np.linalg.norm(path[0, 0], axis=-1)
-    apart = defects(path[:, -3:], velocities, slack_share(run.steps))
+    apart = measure_defects(path[:, -3:], velocities, slack_share(run.steps))
     return apart.sum(axis=0), real
 
 
@@ -134,7 +134,7 @@ def _follow_windows(
         elapsed += own
     starts, inputs = _restart_second_model(motion, begins, states, np.array(times), other, places)
     restarted = Motion(other, starts, inputs, _INPUTS, motion.name)
-    own_states = replay(restarted, len(times) * own, 1).velocity_states
+    own_states = replay_motion(restarted, len(times) * own, 1).velocity_states
     # From the last step that is not past a step of the run before the end.
     first = sum(time + own <= (length - 1) * step * (1 + SUM_ROUNDING) for time in times)
     same = dict(map(tuple, places.bodies.tolist()))

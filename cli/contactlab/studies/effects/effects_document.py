@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from contactlab.printable import shell_word, shortened
+from contactlab.printable import shell_word, shorten_lines
 from contactlab.rendering.amounts import format_percent
 from contactlab.rendering.document import (
     Block,
@@ -48,7 +48,7 @@ def describe_effects(report: EffectsReport, *, folder: Path | None = None) -> Do
         most_lines = 12
         blocks += [
             Sentence(f"verified: {smaller.sentence}"),
-            Code(tuple(shortened(smaller.lines, most_lines, f"the patch next to {path}"))),
+            Code(tuple(shorten_lines(smaller.lines, most_lines, f"the patch next to {path}"))),
             Sentence(f"wrote {path}"),
             Code((f"next: contactlab {shell_word(path)}",), indent=0),
         ]

@@ -14,7 +14,7 @@ from contactlab.advisories.met_advisories import (
     find_met_advisories,
 )
 from contactlab.budget.motion import INTEGRATION, Motion
-from contactlab.budget.windows import KEPT, replay
+from contactlab.budget.windows import KEPT, replay_motion
 from contactlab.mjcf import OPTIONS
 from contactlab.modifications.catalogue import CATALOGUE
 from contactlab.scene.model_edits import FLAG_NAMES
@@ -81,7 +81,7 @@ def _find_first_times(
     model, data = motions[0].model, mujoco.MjData(motions[0].model)
     window = 0.02  # time between the states that are looked at [s]
     for motion, begin in zip(motions, begins, strict=True):
-        run = replay(motion, window, 1)
+        run = replay_motion(motion, window, 1)
         states = [
             (int(run.begins[place]), run.starts[seed, place], INTEGRATION)
             for seed, place in np.argwhere(run.valid)

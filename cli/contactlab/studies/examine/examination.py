@@ -23,7 +23,7 @@ from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.printable import first_names
 from contactlab.scene.model_writer import refuse_place, write_model
 from contactlab.scene.mujoco_versions import VERSION
-from contactlab.schema.coverage import Exercised
+from contactlab.schema.coverage import ExercisedFeatures
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.examination import (
@@ -447,7 +447,9 @@ def _check_model(
         f"'{entry.check}' is waived ({entry.reason}), but does not fail: remove the waiver"
         for entry in unused_waivers(findings, accepted)
     )
-    idle = Exercised.of_rows(record_to_row(run.record) for run in examined.runs).idle_parts()
+    idle = ExercisedFeatures.of_rows(
+        record_to_row(run.record) for run in examined.runs
+    ).idle_parts()
     if "repeat" in checks and examined.runs[0].record.trajectory_hash is not None:
         reference = describe_reference(examined.runs[0]).model_dump_json(indent=2) + "\n"
         examined.session.write({REFERENCE: reference})

@@ -11,7 +11,7 @@ import numpy as np
 
 from contactlab.budget.force_places import contact_name
 from contactlab.budget.motion import INTEGRATION, Motion
-from contactlab.budget.windows import Run, joint_name, replay
+from contactlab.budget.windows import Run, joint_name, replay_motion
 from contactlab.contact.trace_arrays import Floats
 from contactlab.measure.run_integrity import find_accepted
 from contactlab.numerical_tolerance import COARSE_ROUNDING
@@ -57,7 +57,7 @@ def list_facts(motions: Sequence[Motion], begins: Sequence[float]) -> tuple[Fact
     creep, pressing, masked = tuple[Fact, ...](), tuple[Fact, ...](), MaskedPassages(model)
     for motion, begin in zip(motions, begins, strict=True):
         window_seconds = 0.01  # between states that are looked at
-        run = replay(motion, window_seconds, 1)
+        run = replay_motion(motion, window_seconds, 1)
         times = begin + run.begins * model.opt.timestep
         for seed in range(motion.seeds):
             for place in np.flatnonzero(run.valid[seed]):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from contactlab.budget.force_places import contact_name
 from contactlab.budget.motion import Motion
-from contactlab.budget.windows import KEPT, Run, replay
+from contactlab.budget.windows import KEPT, Run, replay_motion
 from contactlab.contact.trace_arrays import Floats
 from contactlab.rendering.amounts import format_digits, format_others
 from contactlab.scene.contact_pairs import half_extents, touch_mask
@@ -79,7 +79,7 @@ def find_field_passages(
     above = set[tuple[int, int]]()
     for motion, begin in zip(motions, begins, strict=True) if pairs else ():
         window_seconds = 0.02  # between states that are looked at
-        run = replay(motion, window_seconds, 1)
+        run = replay_motion(motion, window_seconds, 1)
         for place, depths, crowded in _depths_over_time(motion, run, pairs):
             time = begin + place * model.opt.timestep
             for pair in crowded if failing else ():

@@ -13,21 +13,29 @@ from typing import Literal, NamedTuple
 
 import mujoco
 
-from contactlab.budget import Motion, Trial, TriedFix, Verdict, error_budget, judge, try_fixes
+from contactlab.budget import (
+    Motion,
+    Trial,
+    TriedFix,
+    Verdict,
+    error_budget,
+    judge,
+    try_fixes,
+)
 from contactlab.budget.counted_time import count_pace
 from contactlab.budget.field_changes import field_changes
 from contactlab.budget.fixes import (
     candidates_against,
     changed_model,
-    drifts,
-    finer,
-    further,
-    harder,
-    joined,
+    has_drift,
+    join_candidates,
+    list_further_candidates,
     options_changed,
+    raise_impedance,
+    refine_candidate,
     without_margins,
 )
-from contactlab.budget.measuring import evaluations, steps_of
+from contactlab.budget.measuring import count_evaluations, steps_of
 from contactlab.budget.readings import Origin
 from contactlab.budget.report import fix_report
 from contactlab.budget.verdict import VerdictWord, build_reason
@@ -62,7 +70,7 @@ Removes = Literal["verdict", "labels", "overlap", "cause"]
 def edits_of(fix: Fix, scene: Scene) -> ModelEdits:
     """Return the edits of a reported fix to a scene's model."""
     of_model = [name for name in fix.settings if not name.startswith("drive.")]
-    axes = {name: scene.catalogue.find(name) for name in of_model}
+    axes = {name: scene.catalogue.find_axis(name) for name in of_model}
     return ModelEdits(
         {
             name: axis.parse(fix.settings[name]) if axis else fix.settings[name]
@@ -285,20 +293,24 @@ class FixSearch:
             if candidate.changes_model
         ]
         if base is None:
-            yield from further()
+            yield from list_further_candidates()
             for times in (2, 8):
-                yield from (joined([finer(HALF_STEP, times), one]) for one in physical)
+                yield from (
+                    join_candidates([refine_candidate(HALF_STEP, times), one]) for one in physical
+                )
             return
         kinds = {label.label for label in labels}
         if kinds & {*CONVERGED_SOLVER.labels} and base is not CONVERGED_SOLVER:
-            yield joined([base, CONVERGED_SOLVER])
+            yield join_candidates([base, CONVERGED_SOLVER])
         if any(map(is_numerical_label, kinds)):
             finest = 64  # most steps per step of the run that are tried
-            yield from (finer(base, times) for times in (2, 4) if base.rate * times <= finest)
+            yield from (
+                refine_candidate(base, times) for times in (2, 4) if base.rate * times <= finest
+            )
         for candidate in physical:
             if candidate.apply == MARGIN:
                 yield candidate
-            yield joined([base, candidate])
+            yield join_candidates([base, candidate])
 
     def _without_labels(self, candidates: Sequence[Candidate]) -> Iterator[TriedFix]:
         """Yield the first fix of each kind (same model, other model) that leaves no label."""
@@ -411,7 +423,9 @@ class FixSearch:
         It is measured on both groups of seeds.
         """
         model, steps = self._motions[0].model, 2 * rate * steps_of(self._motions)
-        looks = evaluations(model, self._current_trial.settings, drifts=drifts(self._verdict))
+        looks = count_evaluations(
+            model, self._current_trial.settings, drifts=has_drift(self._verdict)
+        )
         return looks * steps * count_pace(self._motions) <= self._current_trial.find_time_left()
 
     def _is_no_worse(self, motions: Sequence[Motion]) -> bool:
@@ -512,11 +526,11 @@ class FixSearch:
         others = [one for one in self._candidates if one.name in {two.name for two in numerical}]
         trial = replace(self._current_trial, most=None, find_time_left=lambda: math.inf)
         for candidates in (accepted, *([*accepted, other] for other in others)):
-            whole = joined(candidates)
+            whole = join_candidates(candidates)
             tried_fixes = try_fixes(self._motions, self._verdict, candidates=[whole], trial=trial)
             if tried_fixes and tried_fixes[0].removes:
                 return tried_fixes[0].name, tried_fixes[0].edits, ""
-        if self._parts_bodies(whole := joined(accepted)):
+        if self._parts_bodies(whole := join_candidates(accepted)):
             return whole.name, whole.edits, ""
         return "", NO_EDITS, "the applied fixes do not remove the cause of the verdict"
 
@@ -562,7 +576,7 @@ def candidates_against_labels(
         field_changes(motions, Verdict("inaccurate", verdict.tolerance, driven)) if driven else ()
     )
     margins = without_margins(model) if kinds & {*find_part_fix(MARGIN).labels} else ()
-    physical = (*margins, *stiffer, *harder(model, stiffer), *slower)
+    physical = (*margins, *stiffer, *raise_impedance(model, stiffer), *slower)
     return (
         *(replace(candidate, word=word) for candidate in computed),
         *(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from contactlab.budget.force_places import contact_name
 from contactlab.budget.motion import Motion
-from contactlab.budget.windows import KEPT, Run, body_name, cut
+from contactlab.budget.windows import KEPT, Run, body_name, cut_windows
 from contactlab.contact.trace_arrays import Floats
 from contactlab.modifications.model_predicates import find_disable_bit, is_disabled
 from contactlab.rendering.amounts import format_digits, format_others
@@ -53,7 +53,7 @@ class MaskedPassages:
         thin = halves[geoms].min(axis=1)
         apart = np.ones(len(geoms), bool)
         window_seconds = 0.02  # between states that are looked at, as far as the first seed came
-        length, begins = cut(motion, window_seconds)
+        length, begins = cut_windows(motion, window_seconds)
         lost = run.begins[~run.valid[0]]
         if lost.size:
             begins = begins[begins + length <= lost[0]]

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from contactlab.budget.counted_time import count_pace
-from contactlab.budget.measuring import Settings, evaluations, steps_of
+from contactlab.budget.measuring import Settings, count_evaluations, steps_of
 from contactlab.closed_loop.loop_margins import LoopStudy
 from contactlab.errors import OutputError, SceneError
 from contactlab.foreign_code import printed_as_text
@@ -474,9 +474,9 @@ class CauseRepairer:
         rows = [row for row in list_rows() if row.kind in _JUDGING]
         quick = Settings(check=False, energy=False)
         step = steps_of(motions) * count_pace(motions)
-        if evaluations(motions[0].model, Settings(), rows) * step <= self.find_time_left():
+        if count_evaluations(motions[0].model, Settings(), rows) * step <= self.find_time_left():
             return [row.name for row in rows], Settings()
-        affords = evaluations(motions[0].model, quick) * step <= self.find_time_left()
+        affords = count_evaluations(motions[0].model, quick) * step <= self.find_time_left()
         return ([], quick) if affords and model.word not in PASSING_VERDICTS else None
 
     def _write_repaired(self, scene: Scene | None, edits: ModelEdits, name: str) -> WrittenModel:
@@ -504,7 +504,7 @@ def _list_grip_settings(examined: CheckedModel) -> Iterator[tuple[str, dict[str,
     grip = judge_grip(GripRequest(examined.reference, keyframe=examined.task.start))
     catalogue = examined.scene.catalogue
     for fix in grip.fixes:
-        axes = {name: catalogue.find(name) for name in fix.options}
+        axes = {name: catalogue.find_axis(name) for name in fix.options}
         settings = {
             name: axis.parse(fix.options[name]) if axis else fix.options[name]
             for name, axis in axes.items()

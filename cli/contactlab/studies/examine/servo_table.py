@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from contactlab.budget.motion import INTEGRATION, Motion
-from contactlab.budget.windows import replay
+from contactlab.budget.windows import replay_motion
 from contactlab.closed_loop.servos import measure_servos
 from contactlab.rendering.amounts import format_amount, format_digits, format_percent
 from contactlab.reporting.loop_words import loop_sentence
@@ -21,7 +21,7 @@ def measure_task_servos(motion: Motion) -> tuple[Servo, ...]:
     `motion` is the first phase; its first seed rests in the last fifth.
     """
     model, window = motion.model, 0.01  # between states that are looked at [s]
-    run = replay(motion, window, 1)
+    run = replay_motion(motion, window, 1)
     late = np.flatnonzero(run.valid[0] & (run.begins >= 0.8 * motion.steps))
     start, *rests = [
         _forward_state(model, state) for state in (motion.starts[0], *run.starts[0, late])

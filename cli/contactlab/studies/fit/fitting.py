@@ -85,7 +85,7 @@ class _FitParameter:
     def of(cls, scene: Scene, text: str) -> "_FitParameter":
         """Read a setting; a SweepFileError says why it is wrong."""
         name, _, bounds = text.partition("=")
-        spec = scene.catalogue.find(name)
+        spec = scene.catalogue.find_axis(name)
         if spec is None:
             near = did_you_mean(name, scene.catalogue.names)
             raise SweepFileError(

@@ -102,7 +102,7 @@ class DifferentiatedScene:
         }
         if name in known_places and name not in self.scene.catalogue.names:
             return Parameter(name, known_places[name], lambda value: value)
-        spec = self.scene.catalogue.find(name)
+        spec = self.scene.catalogue.find_axis(name)
         if spec is None:
             some = (
                 f"; write one of {', '.join(list(known_places)[:8])}, or of `contactlab list axes "
@@ -179,7 +179,7 @@ class Parameter:
         run = subject.resolve(point)
         value = {**run.settings, **run.structure, **run.initial, **point.values}.get(self.name)
         whole = self.name.partition(".")[0]
-        spec = subject.scene.catalogue.find(whole)
+        spec = subject.scene.catalogue.find_axis(whole)
         if value is None and spec is not None and spec.split and whole in run.settings:
             numbers = as_vector(run.settings[whole])
             # the friction of a pair has two sliding and two rolling coefficients

@@ -10,7 +10,7 @@ import numpy as np
 from contactlab.budget.counted_time import count_step_seconds, sample_states
 from contactlab.budget.motion import Motion
 from contactlab.budget.time_ratios import measure_time_ratios
-from contactlab.budget.windows import replay
+from contactlab.budget.windows import replay_motion
 from contactlab.contact.trace_arrays import Floats
 from contactlab.mjcf import OPTIONS
 from contactlab.modifications.catalogue import CATALOGUE
@@ -188,7 +188,7 @@ def run_fixes(grip: Grip, within: float) -> list[TestedFix]:
         name: count_step_seconds(motion, other, states) / own for name, other in changed.items()
     }
     timed_models = {name: (lambda other=other: other, 1) for name, other in changed.items()}
-    ratios = measure_time_ratios(motion, replay(motion, window_seconds, 1), timed_models)
+    ratios = measure_time_ratios(motion, replay_motion(motion, window_seconds, 1), timed_models)
     tested_fixes = [
         replace(each, time_ratio=ratios.get(each.name), cost=costs.get(each.name, each.cost))
         for each in tested_fixes

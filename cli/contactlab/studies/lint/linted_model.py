@@ -36,7 +36,7 @@ from contactlab.scene.model_text import (
     line_of,
     with_attributes,
 )
-from contactlab.scene.model_xml import Elements, list_elements, parse
+from contactlab.scene.model_xml import Elements, list_elements, parse_model
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource
 from contactlab.scene.task import keyframe_names
@@ -251,7 +251,7 @@ class LintedModel:
 
     @cached_property
     def _file_roots(self) -> Mapping[Path, ET.Element]:
-        return {file: parse(file) for file in self._file_texts}
+        return {file: parse_model(file) for file in self._file_texts}
 
     @cached_property
     def _elements(self) -> Mapping[Path, list[ElementText]]:
@@ -390,7 +390,7 @@ def _laid_out(source: SceneSource) -> Generator[tuple[SceneSource, Origins]]:
 
 def _urdf_lines(urdf: Path) -> Iterator[tuple[tuple[str, str], Origin]]:
     """Yield the links and joints of a URDF; MuJoCo keeps no lines for them."""
-    for place, element in enumerate(parse(urdf).iter()):
+    for place, element in enumerate(parse_model(urdf).iter()):
         for kind, tag in _LINKS.items():
             if element.tag == tag and (name := element.get("name")):
                 yield (kind, name), (urdf, place)

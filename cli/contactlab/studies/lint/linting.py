@@ -9,7 +9,7 @@ from contactlab.judge.subjects import OUTCOMES
 from contactlab.judge.wording import plural
 from contactlab.rendering.document import Code, Document, Sentence, document_of
 from contactlab.scene.model_files import FileSearch
-from contactlab.scene.model_xml import parse
+from contactlab.scene.model_xml import parse_model
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource, find_scene
 from contactlab.schema.finding import PlacedFinding
@@ -79,7 +79,7 @@ def _is_model(path: Path) -> bool:
     MJCF without bodies, and without an include that may have them, is a part of other models.
     """
     try:
-        root = parse(path)
+        root = parse_model(path)
     except SceneError:
         return True
     has_bodies = any(root.find(tag) is not None for tag in ("worldbody", "include"))
@@ -95,7 +95,7 @@ def _including_models(part: Path) -> Iterator[Path]:
             if b"<include" not in data or name not in data:
                 continue
             try:
-                elements = parse(path).iter("include")
+                elements = parse_model(path).iter("include")
                 files = [FileSearch().find_model(one, path, path.parent).path for one in elements]
             except SceneError:
                 continue

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from contactlab.comparison.compare_stores import compare
+from contactlab.comparison.compare_stores import compare_stores
 from contactlab.errors import ContactlabError, ExpectationError, PolicyError, StoppedError
 from contactlab.schema.comparison import ComparePolicy, ComparisonReport
 from contactlab.schema.finding import Finding
@@ -108,7 +108,7 @@ class SweepOutcomes:
         for version in (before, after):
             self.run(self.folder / version, version)
         policy = self.policy.model_copy(update={"match": "axes"})
-        return compare(self.folder / before, self.folder / after, policy)
+        return compare_stores(self.folder / before, self.folder / after, policy)
 
     def _has_changed(self, report: ComparisonReport) -> list[Finding]:
         return [

@@ -80,7 +80,7 @@ class _Judge:
             before, after = self._both_values(name)
             same = Subject(f"same {name}", "evidence", "warn", two_sided=True)
             change_text = "the same" if before == after else f"{before}, now {after}"
-            yield same.single(SAME if before == after else CHANGED, change_text)
+            yield same.make_single(SAME if before == after else CHANGED, change_text)
         old, new, rules = self.lock.by_key, self.new.by_key, self.policy
         subject = Subject("no missing groups", "runs", rules.missing_runs)
         yield self._make_check(
@@ -97,11 +97,15 @@ class _Judge:
             yield self._judge_metric(metric, columns.get(metric))
         for metric in (name for name in self.lock.metric_versions if name not in grouped):
             struck = Subject(f"{metric} as locked", "metrics", "gate")
-            yield struck.skipped("the lock names it, but no group has its values: lock it again")
+            yield struck.make_skipped(
+                "the lock names it, but no group has its values: lock it again"
+            )
         for metric in (name for name in self.gated if name not in self.lock.metric_versions):
             if metric not in grouped:
                 unlocked = Subject(f"{metric} as locked", "metrics", "warn", two_sided=True)
-                yield unlocked.single(CHANGED, "the policy gates it, but it is not in the lock")
+                yield unlocked.make_single(
+                    CHANGED, "the policy gates it, but it is not in the lock"
+                )
 
     def _both_values(self, name: str) -> tuple[object, object]:
         return getattr(self.lock, name), getattr(self.new, name)
@@ -136,17 +140,19 @@ class _Judge:
     def _judge_metric(self, metric: str, column: Column | None) -> Finding:
         if column is None:
             metric_subject = Subject(f"{metric} as locked", "metrics", "gate")
-            return metric_subject.skipped("is not a metric any more")
+            return metric_subject.make_skipped("is not a metric any more")
         rule = effective_rule(column, self.policy)
         subject = Subject(
             f"{metric} as locked", "metrics", rule.level, "", column.unit, rule.budget, True
         )
         versions = [record.metric_versions.get(metric) for record in (self.lock, self.new)]
         if len({*versions}) > 1:
-            return subject.skipped("its definition changed: lock it again")
+            return subject.make_skipped("its definition changed: lock it again")
         pairs = [pair for pair in self.pairs if any(metric in group.metrics for group in pair)]
         if not self.repeated and pairs and all(old.runs + new.runs < 3 for old, new in pairs):
-            return subject.skipped("single runs of other starts tell nothing: lock several seeds")
+            return subject.make_skipped(
+                "single runs of other starts tell nothing: lock several seeds"
+            )
         return self._make_check(
             subject, [self._measure_group(metric, rule, *pair) for pair in pairs]
         )
@@ -182,7 +188,7 @@ class _Judge:
             )
             for change in wrong
         ]
-        return subject.finding(
+        return subject.make_finding(
             np.array([change.code for change in group_changes], np.int8), summary, worst
         )
 

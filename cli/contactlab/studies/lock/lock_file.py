@@ -74,7 +74,7 @@ def group_members(store: Store) -> dict[str, tuple[dict[str, Any], list[int]]]:
         for name in columns.axis_names
         if len(set(map(str, columns.to_pydict([name])[name]))) > 1
     ]
-    axes = columns.arrow(names).to_pylist() if names else [dict[str, Any]()] * columns.runs
+    axes = columns.read_arrow(names).to_pylist() if names else [dict[str, Any]()] * columns.runs
     for row in np.flatnonzero(columns.numbers("knife_edge").values != 1).tolist():
         own_axes = {
             name: round_value(value) for name, value in axes[row].items() if value is not None

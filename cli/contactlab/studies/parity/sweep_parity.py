@@ -207,16 +207,16 @@ def _make_checks(runs: Sequence[RunParity], rules: Mapping[str, MetricRule]) -> 
     reasons = ", ".join(dict.fromkeys(run.reason for run in runs if run.reason))
     able = Subject("runs can be simulated", "evidence", "gate" if not compared else "warn")
     if not compared:
-        yield able.skipped(reasons)
+        yield able.make_skipped(reasons)
         return
     codes = np.array([WORSE if run in refused else SAME for run in runs], np.int8)
-    yield able.finding(
+    yield able.make_finding(
         codes, f"{out_of(len(refused), len(runs))} refused: {reasons}" if refused else "all can"
     )
     others = [run for run in runs if run.verdict != "refused"]
     codes = np.array([_CODES.get(other.verdict, SAME) for other in others], np.int8)
     message = _verdict_counts(Counter(other.verdict for other in others))
-    yield Subject("stages agree", "runs", "gate").finding(
+    yield Subject("stages agree", "runs", "gate").make_finding(
         codes,
         message,
         [
@@ -243,7 +243,8 @@ def _quantity_checks(name: str, rule: MetricRule, runs: Sequence[RunParity]) -> 
     )
     if not readings:
         yield from (
-            subject.finding(np.zeros(0, np.int8), "applies to no run") for subject in (mean, worst)
+            subject.make_finding(np.zeros(0, np.int8), "applies to no run")
+            for subject in (mean, worst)
         )
         return
     tolerance = f"(tolerance {format_percent(share)} and the effect of rounding)"
@@ -262,7 +263,7 @@ def _quantity_checks(name: str, rule: MetricRule, runs: Sequence[RunParity]) -> 
         means_text = f"{ours:.4g} -> {theirs:.4g}; "
     code = WORSE if average > share and any(beyond) else SAME
     message = f"{means_text}runs differ by {format_percent(average)} {tolerance}"
-    yield mean.single(code, message, judged_count=len(readings))
+    yield mean.make_single(code, message, judged_count=len(readings))
     ranked = sorted(
         readings, key=lambda entry: (not entry[1].above_tolerance, -(entry[1].difference or 0))
     )
@@ -272,7 +273,7 @@ def _quantity_checks(name: str, rule: MetricRule, runs: Sequence[RunParity]) -> 
         if reading.above_tolerance
     ]
     codes = np.where(beyond, WORSE, SAME).astype(np.int8)
-    yield worst.finding(codes, f"worst {format_percent(max(differences))} {tolerance}", pairs)
+    yield worst.make_finding(codes, f"worst {format_percent(max(differences))} {tolerance}", pairs)
 
 
 def _verdict_counts(verdicts: Mapping[str, int]) -> str:

@@ -19,7 +19,7 @@ from contactlab.budget.restarts import (
     refine_motion,
     run_at_once,
 )
-from contactlab.budget.windows import replay
+from contactlab.budget.windows import replay_motion
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.rendering.amounts import format_percent
@@ -77,7 +77,9 @@ def measure_divergence(motion: Motion, workers: int) -> Divergence:
     nudges[:: 1 + copies] = 0
     starts[:, place] += nudges * np.maximum(1.0, np.abs(starts[:, place]))
     many = replace(motion, starts=starts, inputs=np.repeat(motion.inputs, 1 + copies, axis=0))
-    states = replay(many, motion.steps * float(model.opt.timestep), workers).velocity_states[:, :-1]
+    states = replay_motion(many, motion.steps * float(model.opt.timestep), workers).velocity_states[
+        :, :-1
+    ]
     nq = model.nq
     places = np.linspace(0, states.shape[1] - 1, _PARTS + 1).astype(int)
     velocities = states[:, places, nq : nq + model.nv].reshape(
@@ -172,7 +174,7 @@ class ForwardError:
         model = build_reference_model(self._motion.model, rate)
         model.opt.integrator = integrator
         motion = refine_motion(self._motion, model, rate)
-        return replay(
+        return replay_motion(
             motion, motion.steps * float(model.opt.timestep), self._workers
         ).velocity_states[:, :-1]
 
@@ -185,9 +187,9 @@ class ForwardError:
         start = np.zeros_like(every)
         inputs = held_inputs(self._motion, self._finer, every, start, multiple, steps)
         motion = replace(self._motion, model=own, inputs=inputs)
-        states = replay(motion, steps * float(own.opt.timestep), self._workers).velocity_states[
-            :, :-1
-        ]
+        states = replay_motion(
+            motion, steps * float(own.opt.timestep), self._workers
+        ).velocity_states[:, :-1]
         places = [steps]
         if self._error_at == "peak":
             samples = 200

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from contactlab.judge.wording import plural
-from contactlab.printable import shell_word, shortened
+from contactlab.printable import shell_word, shorten_lines
 from contactlab.rendering.amounts import format_amount, format_interval, format_percent
 from contactlab.rendering.document import (
     Block,
@@ -225,7 +225,7 @@ def _list_details(report: TuneReport) -> Iterator[Block]:
     lines = [f"{each.file}:{each.line}: {each.element or 'removed'}" for each in report.lines]
     most_lines = 12  # of the patch
     if lines:
-        yield Code(tuple(shortened(lines, most_lines, PATCH)), indent=0)
+        yield Code(tuple(shorten_lines(lines, most_lines, PATCH)), indent=0)
 
 
 def _count_pairs(geoms: Sequence[str], bodies: Sequence[object]) -> str:

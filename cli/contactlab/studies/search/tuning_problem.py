@@ -11,7 +11,7 @@ import numpy as np
 
 from contactlab.budget import ErrorBudget, Motion, Verdict, error_budget, judge
 from contactlab.budget.counted_time import count_pace
-from contactlab.budget.measuring import WINDOW, evaluations
+from contactlab.budget.measuring import WINDOW, count_evaluations
 from contactlab.budget.restarts import build_reference_model
 from contactlab.errors import EngineError, SceneError
 from contactlab.modifications.catalogue import list_reductions
@@ -289,7 +289,7 @@ class TuningProblem:
         motions, settings = self.judged.motions, self.judged.budget_settings
         settings = replace(settings, energy=energy and settings.energy)
         steps = sum(motion.steps for motion in motions)
-        return evaluations(motions[0].model, settings) * steps * count_pace(motions)
+        return count_evaluations(motions[0].model, settings) * steps * count_pace(motions)
 
     def measure_error(
         self, model: mujoco.MjModel, timestep: float, seeds: Sequence[int] | None = None

@@ -27,11 +27,11 @@ from contactlab.schema.success import (
 from contactlab.schema.vocabulary import VARIANT
 from contactlab.shares import (
     SURE,
-    anytime,
+    anytime_interval,
     paired_chance,
     paired_difference,
     runs_to_decide,
-    wilson,
+    wilson_interval,
 )
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import read_stored
@@ -166,7 +166,9 @@ class _StoreJudge:
 
     def share_of(self, good: int) -> SuccessShare:
         episodes = len(self.table.cases)
-        low, high = (anytime if self._request.stops_early else wilson)(good, episodes)
+        low, high = (anytime_interval if self._request.stops_early else wilson_interval)(
+            good, episodes
+        )
         return SuccessShare(good=good, episodes=episodes, low=low, high=high)
 
     def list_losses(self) -> Iterator[SuccessLoss]:
@@ -190,7 +192,7 @@ class _StoreJudge:
         problems = [each.problem for each in episodes if each.problem]
         share = None
         if pairs:
-            low, high = wilson(counts.good, pairs)
+            low, high = wilson_interval(counts.good, pairs)
             share = SuccessShare(good=counts.good, episodes=pairs, low=low, high=high)
         return VariantResult(
             name=variant.name,

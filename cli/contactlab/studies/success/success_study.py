@@ -10,7 +10,7 @@ from contactlab.pareto.criteria import find_store
 from contactlab.plan.grid import Plan
 from contactlab.run.sweep_request import read_request
 from contactlab.schema.success import EPISODES, OUTCOMES, SuccessReport
-from contactlab.shares import anytime
+from contactlab.shares import anytime_interval
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import MANIFEST
 from contactlab.studies.success.decisive_contacts import DecisiveContacts
@@ -80,7 +80,7 @@ def is_decided(request: SuccessRequest, table: EpisodeTable) -> bool:
         return False
     cases = len(table.cases)
     counts = {"success": table.count_successes(), "physical": table.count_physical()}
-    ends = {name: anytime(good, cases) for name, good in counts.items()}
+    ends = {name: anytime_interval(good, cases) for name, good in counts.items()}
     for text in request.requirements:
         quantity, least = read_requirement(text)
         low, high = ends[quantity]

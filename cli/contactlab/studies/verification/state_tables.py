@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from contactlab.budget.motion import Motion
-from contactlab.budget.windows import KEPT, Run, body_name, replay
+from contactlab.budget.windows import KEPT, Run, body_name, replay_motion
 from contactlab.contact.trace_arrays import Floats
 from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.scene.model_names import name_of
@@ -94,7 +94,7 @@ class StateTable:
     @cached_property
     def _run(self) -> Run:
         length = self._motion.steps * float(self._motion.model.opt.timestep)
-        return replay(self._motion, length, self._workers)
+        return replay_motion(self._motion, length, self._workers)
 
     @property
     def _states(self) -> Floats:
