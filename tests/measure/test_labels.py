@@ -229,6 +229,20 @@ class TestTunneling:
         speculative = replace(thin, speculative=np.array([True]))
         assert only(trace, speculative).label == "stable"
 
+    def test_an_overlap_with_a_fixed_plate_is_in_the_reason(
+        self, trace_of: Any, setup_of: Any, pair_of: Any
+    ) -> None:
+        """A ball may be deeper in a plate than its middle, while its center is outside."""
+        distance = np.zeros((1, 100, 1))
+        distance[0, 30:33] = -0.006
+        contact = {"distance": distance, "touching": distance < 0}
+        made = {"z": np.full(101, 0.5), "contact": contact}
+        trace, setup = self.crossing(trace_of, setup_of, pair_of, **made)
+        found = only(trace, replace(setup, thickness=np.array([0.005])))
+        assert found.label == "stable"
+        assert "5 mm from the surface, for 6 ms; its center stays outside" in found.reason
+        assert "deeper" not in only(trace, replace(setup, thickness=np.array([0.007]))).reason
+
 
 class TestEnergy:
     @pytest.mark.parametrize(("gain", "label"), [(0.02, "energy_injection"), (0.005, "stable")])

@@ -182,7 +182,8 @@ def tunneling(runs: MeasuredRuns) -> OnsetIterator:
     """A body's center crossed a surface or a geom, or it overlaps beyond the thinner's middle.
 
     A dip beyond the middle is accepted as softness if it turns back on its own side within 0.1 s,
-    and the run is the motion of its model; the reason of the run then describes it.
+    and the run is the motion of its model. At a fixed surface, it is accepted as long as the center
+    stays on its side. The reason of the run then describes the dip.
     """
     context, limit = runs.context, runs.limits.get("pierced")
     pierced = [
@@ -306,7 +307,9 @@ class _DeepSpan(NamedTuple):
     run: int
     start: int
     reason: str
-    accepted: bool  # it is a dip into a soft contact, or an overlap that moves nothing
+    # It is a dip into a soft contact, or an overlap that moves nothing, or the center of the geom
+    # stays on its side of a fixed surface.
+    accepted: bool
 
 
 @cached
@@ -321,7 +324,7 @@ def _iterate_deep_spans(context: Context, stated_limit: float | None) -> Iterato
             contact_depths(context)[1][row],
             stated_limit or context.setup.thickness[place],
         )
-        if place in guarded or (depth.max(initial=0) <= limit):
+        if depth.max(initial=0) <= limit:
             continue
         where = "" if stated_limit else "its middle, "
         where = f"{where}{format_amount(limit, 'mm')}{'' if stated_limit else ' from the surface'}"
@@ -330,7 +333,12 @@ def _iterate_deep_spans(context: Context, stated_limit: float | None) -> Iterato
             name = context.pairs.names[place]
             lasts = format_amount((stop - start) * context.trace.timestep[run], "ms")
             reason = f"{name} is deeper than {where}, for {lasts}"
-            if stated_limit:
+            if place in guarded:
+                # Its center decides. See _find_crossings.
+                yield _DeepSpan(
+                    row, run, start, f"{reason}; its center stays outside", accepted=True
+                )
+            elif stated_limit:
                 yield _DeepSpan(row, run, start, reason, accepted=False)
             elif _always_overlaps(context, row)[run]:
                 yield _DeepSpan(row, run, start, f"{reason}, and moves nothing", accepted=True)
