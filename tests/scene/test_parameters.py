@@ -145,7 +145,7 @@ def test_what_recording_needs_is_on_whatever_the_model_says(make_scene: Any) -> 
         "</body></worldbody></mujoco>"
     )
     run = scene.resolve({}, 0, None)
-    model = scene.base({}).prepare(run.edits()).model
+    model = scene.base({}).prepare(run.list_edits()).model
     disabled, enabled = model.opt.disableflags, model.opt.enableflags
     assert disabled == mujoco.mjtDisableBit.mjDSBL_AUTORESET
     assert enabled == 0
