@@ -455,7 +455,7 @@ def test_equal_models_of_several_rows_are_rolled_out_once(
         rolls.append(rate)
         return roll(self, model, rate, **options)
 
-    monkeypatch.setattr(Windows, "roll", count_rolls)
+    monkeypatch.setattr(Windows, "roll_out", count_rolls)
     both = PhaseMeasure(motion, wanted, PLAIN).measure_budget()
     assert rolls == [4, 1], "the reference, and the run with a converged solver"
     for row, reading in zip(wanted, both.rows, strict=True):

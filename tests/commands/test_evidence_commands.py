@@ -157,7 +157,7 @@ def test_replay_finds_the_first_difference(
 
     def prepare_softer(store: Store, run: str) -> PreparedReplay:
         start = prepare(store, run)
-        start.prepared.model.geom_solref[:] *= 2
+        start.prepared_model.model.geom_solref[:] *= 2
         return start
 
     monkeypatch.setattr(replaying, "prepare_replay", prepare_softer)

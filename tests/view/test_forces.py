@@ -97,7 +97,7 @@ def test_forces_act_on_the_second_side(name: str, drawn: Callable[[str], Any]) -
     run = drawn(name)
     model, trace = run.model, run.trace
     timestep = model.opt.timestep
-    motion = read_motion(run.start.prepared, trace, 1 / timestep)
+    motion = read_motion(run.start.prepared_model, trace, 1 / timestep)
     assert len(motion.rows) == len(trace.time)
     found = np.zeros((len(trace.kinetic), model.nbody, 3))
     forces = motion.forces
@@ -130,6 +130,6 @@ def test_an_impact_of_one_step_is_seen_at_any_rate(drawn: Callable[[str], Any]) 
     run = drawn("ball")
     [pair] = run.trace.pairs
     for rate in (1.0, 7.0, 60.0):
-        motion = read_motion(run.start.prepared, run.trace, rate)
+        motion = read_motion(run.start.prepared_model, run.trace, rate)
         strongest = np.linalg.norm(motion.forces.force, axis=1).max()
         assert strongest == pytest.approx(np.hypot(pair.normal, pair.tangential).max())

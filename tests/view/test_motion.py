@@ -59,7 +59,7 @@ def test_poses_in_the_file_are_those_of_the_trajectory(
 @pytest.mark.parametrize("name", ["ball", "slide", "stack"])
 def test_the_stage_holds_all_that_moves(name: str, drawn: Callable[[str], Any]) -> None:
     run = drawn(name)
-    motion = read_motion(run.start.prepared, run.trace, 60)
+    motion = read_motion(run.start.prepared_model, run.trace, 60)
     data = mujoco.MjData(run.model)
     for row in motion.rows:
         data.qpos[:] = run.trace.qpos[row]
@@ -75,7 +75,7 @@ def test_a_body_that_flies_away_leaves_the_stage_at_the_contact(
     run = drawn("ball")
     away = run.trace.qpos.copy()
     away[-20:, 2] = np.linspace(10, 1e6, 20)
-    motion = read_motion(run.start.prepared, replace(run.trace, qpos=away), 60)
+    motion = read_motion(run.start.prepared_model, replace(run.trace, qpos=away), 60)
     # The ball's radius is 0.05 m; contacts are on the floor.
     assert motion.radius == pytest.approx(25 * 0.05)
     np.testing.assert_allclose(motion.centre, 0, atol=0.01)
@@ -85,11 +85,11 @@ def test_a_run_is_drawn_up_to_its_first_bad_state(drawn: Callable[[str], Any]) -
     run = drawn("ball")
     broken = run.trace.qpos.copy()
     broken[100:, 2] = np.nan
-    motion = read_motion(run.start.prepared, replace(run.trace, qpos=broken), 60)
+    motion = read_motion(run.start.prepared_model, replace(run.trace, qpos=broken), 60)
     assert motion.rows[-1] == 99
     assert np.isfinite(motion.positions).all()
     with pytest.raises(StoreError, match="no finite state to draw"):
-        read_motion(run.start.prepared, replace(run.trace, qpos=broken[:0]), 60)
+        read_motion(run.start.prepared_model, replace(run.trace, qpos=broken[:0]), 60)
 
 
 @given(
@@ -123,7 +123,7 @@ def test_arrows_are_forces_to_scale_and_cut_at_their_longest(
 
 def test_moments_are_where_labels_begin_and_force_peaks(drawn: Callable[[str], Any]) -> None:
     run = drawn("ball")
-    motion = read_motion(run.start.prepared, run.trace, 60)
+    motion = read_motion(run.start.prepared_model, run.trace, 60)
     pair, time = run.trace.pairs[0], run.trace.time
     peak, most = 0, 0.0
     for step, force in zip(pair.steps.tolist(), pair.normal.tolist(), strict=True):
@@ -138,7 +138,7 @@ def test_moments_are_where_labels_begin_and_force_peaks(drawn: Callable[[str], A
 
 def test_the_stage_widens_for_what_was_recorded(drawn: Callable[[str], Any]) -> None:
     run = drawn("ball")
-    motion = read_motion(run.start.prepared, run.trace, 60)
+    motion = read_motion(run.start.prepared_model, run.trace, 60)
     beside = motion.positions + np.array([0.3, 0, 0])
     wide = widen_stage(motion, beside, motion.rotations)
     far = np.linalg.norm(beside[:, 1] - wide.centre, axis=1).max()

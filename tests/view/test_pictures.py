@@ -43,7 +43,7 @@ def graphics(drawn: Draw) -> None:
 
 
 def take(run: Any, frames: list[int], camera: str | None = None) -> list[Picture]:
-    motion = read_motion(run.start.prepared, run.trace, 60)
+    motion = read_motion(run.start.prepared_model, run.trace, 60)
     chosen = {frame: run.trace.qpos[motion.rows[frame]] for frame in frames}
     return list(draw_pictures(run.model, motion, chosen, SIZE, camera))
 
@@ -63,7 +63,7 @@ def greenish(picture: Picture) -> Any:
 def test_a_ball_is_where_the_camera_sees_it(drawn: Draw) -> None:
     """By a pinhole camera: azimuth 120, elevation -18 degrees, 45 degrees of view up and down."""
     run = drawn("ball")
-    motion = read_motion(run.start.prepared, run.trace, 60)
+    motion = read_motion(run.start.prepared_model, run.trace, 60)
     distance = 1.05 * motion.radius / np.sin(np.radians(45 / 2))
     azimuth, elevation = np.radians(120), np.radians(-18)
     forward = np.array(
@@ -91,7 +91,7 @@ def test_a_ball_is_where_the_camera_sees_it(drawn: Draw) -> None:
 @pytest.mark.long
 def test_arrows_show_only_during_contact(drawn: Draw) -> None:
     run = drawn("stack")
-    motion = read_motion(run.start.prepared, run.trace, 60)
+    motion = read_motion(run.start.prepared_model, run.trace, 60)
     assert set(motion.forces.mode.tolist()) == {STICK}
     [resting] = take(run, [2])
     assert greenish(resting).sum() > 20
@@ -103,7 +103,7 @@ def test_arrows_show_only_during_contact(drawn: Draw) -> None:
 def test_an_arrow_is_as_long_as_its_bar_says(drawn: Draw) -> None:
     """An arrow across the view; its tip, a twentieth of its length, is too thin to tell."""
     run, azimuth = drawn("ball"), np.radians(120)
-    motion = read_motion(run.start.prepared, run.trace, 60)
+    motion = read_motion(run.start.prepared_model, run.trace, 60)
     across = np.array([np.sin(azimuth), -np.cos(azimuth), 0.0])
     force = across * 0.9 * motion.radius / motion.scale
     start = motion.centre - 0.7 * motion.radius * across
@@ -123,7 +123,7 @@ def test_an_arrow_is_as_long_as_its_bar_says(drawn: Draw) -> None:
 @pytest.mark.parametrize("scale", [1e-6, 3e-4, 0.02, 5.0])
 def test_bars_are_of_round_forces_and_of_a_fair_length(drawn: Draw, scale: float) -> None:
     run = drawn("ball")
-    stage = read_motion(run.start.prepared, run.trace, 60).stage
+    stage = read_motion(run.start.prepared_model, run.trace, 60).stage
     force, pixels = force_bar(run.model, stage, (640, 480), scale)
     assert f"{force:.0e}"[0] in "125"
     # A fifth of the width, or the next round number below, which is at most 2.5 times less.
@@ -135,7 +135,7 @@ def test_the_camera_follows_the_pair_and_the_whole_is_an_inset(drawn: Draw) -> N
     run = drawn("ball")
     far = run.trace.qpos.copy()
     far[:, 0] += np.linspace(0, 2, len(far))
-    motion = read_motion(run.start.prepared, replace(run.trace, qpos=far), 60)
+    motion = read_motion(run.start.prepared_model, replace(run.trace, qpos=far), 60)
     followed = follow_body(motion, [0, 1])
     assert followed is not None
     chosen = {frame: far[motion.rows[frame]] for frame in (0, 6, 12)}
@@ -148,7 +148,7 @@ def test_the_camera_follows_the_pair_and_the_whole_is_an_inset(drawn: Draw) -> N
         assert np.median(columns) == pytest.approx(SIZE[0] / 2, abs=4)
         assert np.median(rows) == pytest.approx(SIZE[1] / 2, abs=6)
         assert blue.sum() > 5 * bluish(all_of_it).sum()
-    assert follow_body(read_motion(run.start.prepared, run.trace, 60), [0]) is None
+    assert follow_body(read_motion(run.start.prepared_model, run.trace, 60), [0]) is None
 
 
 @pytest.mark.long
@@ -187,7 +187,7 @@ def test_the_shorter_of_two_films_keeps_its_last_picture() -> None:
 def test_what_was_recorded_is_a_ghost_where_it_is_elsewhere(drawn: Draw) -> None:
     """Where it is as simulated, or was not recorded, the picture is the same to the last bit."""
     run = drawn("ball")
-    motion = read_motion(run.start.prepared, run.trace, 60)
+    motion = read_motion(run.start.prepared_model, run.trace, 60)
     here = run.trace.qpos[motion.rows[0]]
     beside = here + np.eye(len(here))[0] * 0.1
 
@@ -230,7 +230,7 @@ def test_a_camera_of_the_model_is_used(drawn: Draw) -> None:
         <body><freejoint/><geom size="0.05" rgba="0.2 0.4 0.8 1"/></body>
         </worldbody></mujoco>"""
     )
-    motion = read_motion(run.start.prepared, run.trace, 60)
+    motion = read_motion(run.start.prepared_model, run.trace, 60)
     for camera, seen in (("front", True), ("away", False)):
         [picture] = draw_pictures(model, motion, {0: run.trace.qpos[0]}, SIZE, camera)
         assert bluish(picture).any() == seen
@@ -315,7 +315,7 @@ def test_pictures_do_not_depend_on_what_memory_held(
 def test_films_drawn_by_turns_are_as_drawn_alone(drawn: Draw) -> None:
     """Also when one ends or is given up before the other: what OpenGL holds is numbered alike."""
     run = drawn("slide")
-    motion = read_motion(run.start.prepared, run.trace, 60)
+    motion = read_motion(run.start.prepared_model, run.trace, 60)
 
     def film(count: int) -> Generator[Picture]:
         chosen = {frame: run.trace.qpos[motion.rows[frame]] for frame in range(count)}

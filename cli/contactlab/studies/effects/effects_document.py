@@ -66,7 +66,7 @@ def _describe_row(part: PartEffect) -> tuple[str, ...]:
     error = "" if part.error is None else format_percent(part.error)
     ratio, time = part.time_ratio, ""
     if ratio is not None:
-        # A difference that is noise is none.
+        # A difference within noise does not count.
         time = "same" if ratio.low <= 1 <= ratio.high else f"x{ratio.ratio:.2f}"
     # A row fits into 80 columns.
     part_name, body = _shorten_name(name_part(part), width=27), _shorten_name(part.body, width=15)
