@@ -62,6 +62,26 @@ def test_a_label_of_many_runs_fails_the_job(before: Path, tmp_path: Path) -> Non
     assert (report.exit_code, outcome(report.findings, "no more chatter")) == (1, "failed")
 
 
+@pytest.mark.parametrize(
+    ("labels", "runs", "code"),
+    [(("chatter",), 5, 0), (("chatter",), 6, 1), (("chatter", "tunneling"), 6, 0)],
+)
+def test_labels_of_few_runs_may_be_chance(
+    before: Path, tmp_path: Path, labels: tuple[str, ...], runs: int, code: int
+) -> None:
+    """Of six changes by chance, all are for the worse in 1 of 64, and for the better in as many.
+
+    That is less than 5 %, but not less than the 2.5 % that each of two labels may have.
+    """
+    changed = seeded("b")
+    for index in range(runs):
+        changed.label(index, *labels)
+    report = compare_stores(before, write(tmp_path / "after", changed))
+    assert report.exit_code == code
+    (found,) = (each for each in report.findings if each.name == "no more chatter")
+    assert found.message.startswith(f"{runs} of 24 runs newly chatter, 0 no longer: ")
+
+
 @pytest.mark.parametrize(("shift", "code"), [(1.0, 0), (1.05, 1)])
 def test_a_shift_beyond_the_noise_fails_the_job(
     before: Path, tmp_path: Path, shift: float, code: int

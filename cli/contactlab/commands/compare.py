@@ -143,11 +143,13 @@ def compare(
         raise
     if any(difference.what == "scene_hash" for difference in report.differences):
         from contactlab.comparison.report import explain_no_effect
+        from contactlab.rendering.amounts import format_percent
         from contactlab.store.finished_store import Store
-        from contactlab.studies.diff.compare_models import summarize_changes
+        from contactlab.studies.diff.compare_models import DEFAULT_TOLERANCE, summarize_changes
 
         changes, quantities = summarize_changes(*map(str, stores))
-        no_change = ("only the text of its files, or the order of equal elements",)
+        least = format_percent(DEFAULT_TOLERANCE)
+        no_change = (f"the files of the model, but no value of it by more than {least}",)
         added: dict[str, object] = {"model_changes": tuple(changes) or no_change}
         if report.pairs.bitwise_equal == report.pairs.paired > 0 and changes:
             axes = Store.open_unchecked(stores[1]).columns.axis_names

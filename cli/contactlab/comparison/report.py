@@ -42,7 +42,10 @@ def explain_no_effect(axes: Iterable[str], quantities: Collection[str]) -> str:
     hidden = ", ".join(dict.fromkeys(map(attribute_of, hiding)))
     word = "axis" if len(hiding) == 1 else "axes"
     hiding_text = f"the {word} {', '.join(hiding)} {'sets' if len(hiding) == 1 else 'set'} {hidden}"
-    return f"the change of the model acts in no run, because {hiding_text} in every run"
+    return (
+        f"the change of the model acts in no run, because {hiding_text} in every run; "
+        f"sweep without {'it' if len(hiding) == 1 else 'them'} to judge the change"
+    )
 
 
 def _report_facts(compared: ComparisonReport) -> Iterator[tuple[str, str]]:

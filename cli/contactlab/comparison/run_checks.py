@@ -108,7 +108,7 @@ class PairLabels:
         return cls(paired, before, after, gained, lost, allowed, notes)
 
     @cached_property
-    def find_changed_labels(self) -> int:
+    def changed_labels(self) -> int:
         """Bit i is set if label i of `ranks` is new, or gone, in any pair."""
         return int(np.bitwise_or.reduce(self.gained) | np.bitwise_or.reduce(self.lost))
 
@@ -156,7 +156,7 @@ def label_checks(labels: PairLabels) -> Iterator[Finding]:
 
 
 def _label_check(labels: PairLabels, subject: Subject, rank: int, members: Rows) -> Finding:
-    if not labels.find_changed_labels >> rank & 1:
+    if not labels.changed_labels >> rank & 1:
         unchanged = np.full(len(members), SAME, dtype=np.int8)
         return subject.make_finding(unchanged, f"none in {plural(len(members))}")
     gained = labels.gained[members] >> rank & 1 == 1

@@ -42,12 +42,15 @@ def spread_label_checks(labels: PairLabels) -> Iterator[Finding]:
     """Yield for each label and group whether more runs have it than in the baseline."""
     paired, rules = labels.paired, labels.paired.policy.labels
     groups = list(group_pairs(paired.baseline, paired.pairing, rules.by))
+    # A label that no pair gained or lost raises no alarm.
+    sure = _sure_of_each(labels.changed_labels.bit_count() * len(groups))
     for rank, label in enumerate(paired.ranks[:-1]):
         gained = (labels.gained >> rank & 1 == 1) & ~labels.is_allowed
         lost = labels.lost >> rank & 1 == 1
         for group, member in groups:
             subject = Subject(f"no more {label}", "labels", rules.level, group)
-            yield _share_finding(subject, gained & member, lost & member, int(member.sum()), label)
+            changes = gained & member, lost & member
+            yield _share_finding(subject, *changes, int(member.sum()), label, sure)
 
 
 def spread_expectation_checks(paired: PairedStores) -> Iterator[Finding]:
@@ -58,20 +61,26 @@ def spread_expectation_checks(paired: PairedStores) -> Iterator[Finding]:
         lost = both & (before.values == 1) & (after.values == 0)
         gained = both & (before.values == 0) & (after.values == 1)
         subject = Subject(f"{name} still met", "labels", paired.policy.expectations)
-        yield _share_finding(subject, lost, gained, int(both.sum()), f"outside {name}")
+        yield _share_finding(subject, lost, gained, int(both.sum()), f"outside {name}", SURE)
 
 
-def _share_finding(subject: Subject, gained: Mask, lost: Mask, pairs: int, word: str) -> Finding:
+def _share_finding(
+    subject: Subject, gained: Mask, lost: Mask, pairs: int, word: str, sure: float
+) -> Finding:
     new, lost_count = int(gained.sum()), int(lost.sum())
     if not new and not lost_count:
         return subject.make_single(SAME, f"as often in {plural(pairs)}", judged_count=pairs)
-    low, high = paired_difference(new, lost_count, pairs)
-    code = WORSE if low > 0 else BETTER if high < 0 else SAME
-    message = (
-        f"{out_of(new, pairs)} newly {word}, {lost_count:,} no longer: {low:+.0%} to {high:+.0%} "
-        f"with {format_percent(SURE)}"
-    )
-    return subject.make_single(code, message, judged_count=pairs)
+    message = f"{out_of(new, pairs)} newly {word}, {lost_count:,} no longer"
+    # The interval of the difference is too narrow where few pairs changed; the test is exact.
+    if _are_more(new, lost_count, sure) or _are_more(lost_count, new, sure):
+        low, high = paired_difference(new, lost_count, pairs)
+        ends = (format_percent(end, signed=True) for end in (low, high))
+        message += f": {' to '.join(ends)} with {format_percent(SURE)}"
+        code = WORSE if new > lost_count else BETTER
+        return subject.make_single(code, message, judged_count=pairs)
+    chance = format_percent(paired_chance(new, lost_count))
+    message += f": chance alone makes numbers so unequal in {chance} of comparisons"
+    return subject.make_single(SAME, message, judged_count=pairs)
 
 
 def spread_metric_checks(paired: PairedStores) -> Iterator[Finding]:

@@ -16,7 +16,7 @@ _PEAK_THRESHOLD = Threshold(
     "constraint_violation",
     0.5,
     "1",
-    "A constraint off by half its range, or half the held body, no longer holds.",
+    "A limit off by half its range or half its body's reach, the larger, no longer holds.",
 )
 
 
