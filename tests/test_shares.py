@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import betaln
-from scipy.stats import binom, binomtest
+from scipy.stats import binom, binomtest, hypergeom
 
 from contactlab.shares import (
     all_good,
@@ -19,6 +19,7 @@ from contactlab.shares import (
     paired_score,
     pairs_to_tell,
     runs_to_tell,
+    unequal_chance,
     unpaired_difference,
     wilson_interval,
 )
@@ -186,6 +187,14 @@ def test_so_many_runs_of_each_tell_in_four_of_five_times() -> None:
 def test_the_chance_is_that_of_the_exact_test(gained: int, lost: int) -> None:
     exact = binomtest(gained, gained + lost).pvalue if gained + lost else 1.0
     assert paired_chance(gained, lost) == pytest.approx(exact, rel=1e-9)
+
+
+@given(some=st.integers(0, 40), rest=st.integers(0, 40), others=st.integers(0, 40))
+def test_the_chance_of_unequal_shares_is_that_of_the_exact_test(
+    some: int, rest: int, others: int
+) -> None:
+    exact = hypergeom.sf(some - 1, some + rest + 50, some + others, some + rest)
+    assert unequal_chance(some, some + rest, others, 50) == pytest.approx(exact, rel=1e-9)
 
 
 def test_so_many_pairs_tell_in_four_of_five_times() -> None:

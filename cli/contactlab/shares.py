@@ -143,6 +143,23 @@ def paired_chance(gained: int, lost: int) -> float:
     return min(1.0, 2 * tail / 2**both)
 
 
+def unequal_chance(some: int, runs: int, others: int, other_runs: int) -> float:
+    """Return the chance of so many more cases in some runs than in others, were both alike.
+
+    The exact test of R. A. Fisher, 1934: one-sided, hypergeometric.
+    """
+
+    def log_ways(whole: int, part: int) -> float:
+        ends = math.lgamma(part + 1) + math.lgamma(whole - part + 1)
+        return math.lgamma(whole + 1) - ends
+
+    cases = some + others
+    every = log_ways(runs + other_runs, cases)
+    counts = range(some, min(cases, runs) + 1)
+    logs = (log_ways(runs, own) + log_ways(other_runs, cases - own) - every for own in counts)
+    return min(1.0, math.fsum(map(math.exp, logs)))
+
+
 def pairs_to_tell(gained: int, lost: int, pairs: int) -> int | None:
     """Return how many pairs would tell such a difference in four of five times; None of none.
 

@@ -100,7 +100,8 @@ def check_shares(sentence: str, rows: list[Run], stable: list[Run], failed: list
             own = [row for row in inside if (row[3] == STABLE) == (found[2] == "are stable")]
             assert exact_share(len(own), len(inside)) == share
         return "most"
-    found = re.fullmatch(r"(\d+) of (\d+) runs (are stable|fail)\.", sentence)
+    by_chance = "; no value of an axis has more of them than chance gives it"
+    found = re.fullmatch(rf"(\d+) of (\d+) runs (are stable|fail)(?:{by_chance})?\.", sentence)
     assert found, sentence
     own = stable if found[3] == "are stable" else failed
     assert (int(found[1]), int(found[2])) == (len(own), len(rows))
@@ -135,6 +136,19 @@ def test_each_kind_of_sentence_is_said_of_what_calls_for_it() -> None:
         assert check(sentence, rows) == kind
         if kind == "exact":
             assert sentence == "Only a 2 or less with b grey is stable; c does not matter."
+
+
+def test_no_axis_is_named_for_a_difference_by_chance() -> None:
+    """18 and 12 of 32 runs are as unequal by chance once in ten sweeps, 24 and 8 hardly ever."""
+    grid = [(a, b, c) for a in range(2) for b in range(2) for c in range(2)]
+    for failures, found in (((18, 12), "30 of 64 runs fail; no value"), ((24, 8), "75 % of runs")):
+        rows, codes = list[Run](), list[int]()
+        for a, b, c in grid:
+            # Four settings share the failures of each value of `a`, evenly over `b` and `c`.
+            most = failures[a] // 4 + (failures[a] % 4 == 2 and b == c)
+            rows += [(a, b, c, 0)] * 8
+            codes += [0] * most + [STABLE] * (8 - most)
+        assert write_finding(swept(rows), run_labels(codes)).startswith(found)
 
 
 def test_shares_of_draws_have_their_interval() -> None:

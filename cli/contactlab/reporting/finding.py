@@ -17,6 +17,7 @@ from contactlab.reporting.report_columns import (
     RunLabels,
     number_with_unit,
 )
+from contactlab.shares import SURE, unequal_chance
 
 
 @dataclass(frozen=True)
@@ -191,7 +192,11 @@ def _join_words(words: Sequence[str], last: str = "and") -> str:
 def _extreme_sentence(
     axes: Sequence[GridAxis], rare: NDArray[np.bool_], verb: str, share: ShareWords
 ) -> str:
-    """Return the values of one axis with most and with fewest runs of an outcome."""
+    """Return the values of one axis with most and with fewest runs of an outcome.
+
+    The axis with the largest difference is the best of several, so that the chance of it is as many
+    times as large.
+    """
     shares: list[NDArray[np.float64]] = []
     for axis in axes:
         good, runs = _count_outcomes(axis, rare)
@@ -203,6 +208,10 @@ def _extreme_sentence(
     axis, axis_shares = axes[int(np.argmax(spreads))], shares[int(np.argmax(spreads))]
     most, least = int(np.nanargmax(axis_shares)), int(np.nanargmin(axis_shares))
     good, runs = _count_outcomes(axis, rare)
+    ends = [int(each[place]) for place in (most, least) for each in (good, runs)]
+    if unequal_chance(*ends) * len(axes) > 1 - SURE:
+        every = f"{rare.sum():,} of {len(rare):,} runs {verb}"
+        return f"{every}; no value of an axis has more of them than chance gives it."
     highest, lowest = (share(int(good[place]), int(runs[place])) for place in (most, least))
     return (
         f"{highest} of runs {verb} with {_describe_setting(axis, np.array([most]))}, "

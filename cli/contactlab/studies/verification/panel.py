@@ -27,7 +27,7 @@ from contactlab.schema.examination import RunLabel
 from contactlab.schema.grip import GripReport
 from contactlab.schema.task import Task
 from contactlab.schema.verification import SkippedRun, VerifiedChange, VerifiedMeasure
-from contactlab.shares import SURE
+from contactlab.shares import SURE, unequal_chance
 from contactlab.studies.verification.falls import repeat_measure
 from contactlab.studies.verification.grip_measures import compare_grips
 from contactlab.studies.verification.loop_runs import LoopRuns, has_policy
@@ -575,15 +575,8 @@ class _Panel:
 
 
 def exceeds_chance(before: int, after: int, runs: int) -> bool:
-    """Return whether `after` of `runs` runs is rare for a model that equals one with `before`.
-
-    It is Fisher's exact test.
-    """
-    labeled = before + after
-    whole = math.comb(2 * runs, labeled)
-    ways = range(after, min(labeled, runs) + 1)
-    chance = sum(math.comb(runs, each) * math.comb(runs, labeled - each) for each in ways) / whole
-    return chance < LABEL_CHANCE
+    """Return whether `after` of `runs` runs is rare for a model that equals one with `before`."""
+    return unequal_chance(after, runs, before, runs) < LABEL_CHANCE
 
 
 def count_labels(labels: Sequence[RunLabel]) -> Counter[str]:
