@@ -490,6 +490,7 @@ class PhaseMeasure:
         body = self._find_worst_body(mean)
         seed, window = map(int, np.unravel_index(np.argmax(apart[..., body]), apart.shape[:2]))
         time = float(self.run.begins[window] * self._model.opt.timestep)
+        speeds = apart[..., body][self.run.valid & ~window_values.lost]
         reading = Reading(
             *about,
             exercised=True,
@@ -497,7 +498,7 @@ class PhaseMeasure:
             seeds=shares[:, body],
             shares=shares[:, self._observed],
             body=int(np.searchsorted(self._observed, body)),
-            speed=float(apart[..., body][self.run.valid & ~window_values.lost].mean()),
+            speed=float(speeds.mean()) if len(speeds) else np.nan,
             seed=seed,
             time=time,
         )
