@@ -227,3 +227,13 @@ def test_the_text_says_nothing_twice(word: VerdictWord, labels: Sequence[RunLabe
         assert text.count(part) == 1, part
     for each in fixes:
         assert text.count(f"{each.name}:") == 1
+
+
+@pytest.mark.parametrize(
+    ("count", "where"),
+    [(0, ""), (1, " of b0"), (4, " of b0, b1, b2, b3"), (32, " of b0, b1, b2, b3 and 28 more")],
+)
+def test_a_label_of_many_bodies_names_the_first(count: int, where: str) -> None:
+    bodies = tuple(f"b{body}" for body in range(count))
+    assert LABEL.model_copy(update={"bodies": bodies}).where == where
+    assert not LABEL.model_copy(update={"bodies": ("mug", *bodies)}).where, "its reason names it"

@@ -164,9 +164,13 @@ class RunLabel(Model):
 
     @property
     def where(self) -> str:
-        """The bodies after " of ", if its reason does not name them; otherwise empty."""
-        names_body = any(body in self.reason for body in self.bodies)
-        return f" of {', '.join(self.bodies)}" if self.bodies and not names_body else ""
+        """The first bodies after " of ", if its reason names none; otherwise empty."""
+        if not self.bodies or any(body in self.reason for body in self.bodies):
+            return ""
+        most_names = 4  # a hand has thirty
+        more = len(self.bodies) - most_names
+        rest = f" and {more} more" if more > 0 else ""
+        return f" of {', '.join(self.bodies[:most_names])}{rest}"
 
 
 class RestingContact(Model):
