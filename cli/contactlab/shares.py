@@ -144,7 +144,7 @@ def paired_chance(gained: int, lost: int) -> float:
 
 
 def unequal_chance(some: int, runs: int, others: int, other_runs: int) -> float:
-    """Return the chance of so many more cases in some runs than in others, were both alike.
+    """Return the chance of `some` or more cases in some runs, were they like the others.
 
     The exact test of R. A. Fisher, 1934: one-sided, hypergeometric.
     """
