@@ -155,9 +155,15 @@ def unequal_chance(some: int, runs: int, others: int, other_runs: int) -> float:
 
     cases = some + others
     every = log_ways(runs + other_runs, cases)
-    counts = range(some, min(cases, runs) + 1)
-    logs = (log_ways(runs, own) + log_ways(other_runs, cases - own) - every for own in counts)
-    return min(1.0, math.fsum(map(math.exp, logs)))
+    most_likely = cases * runs / max(1, runs + other_runs)
+    chance = 0.0
+    for own in range(some, min(cases, runs) + 1):
+        part = math.exp(log_ways(runs, own) + log_ways(other_runs, cases - own) - every)
+        chance += part
+        # Beyond the likeliest number the parts only fall. A million runs have as many of them.
+        if own > most_likely and part < 1e-16 * max(chance, 1e-300):
+            break
+    return min(1.0, chance)
 
 
 def pairs_to_tell(gained: int, lost: int, pairs: int) -> int | None:

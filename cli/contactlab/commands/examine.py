@@ -166,11 +166,11 @@ def _draw_page(
     from contactlab.studies.grip.grip_film import film_writer
     from contactlab.tasks.checked_model import TASK_STORE
 
-    film = None
+    film, target = None, session.folder / "grip.gif"
     for grip in grips:
         try:
-            film_writer(session.folder / "grip.gif", size=(480, 360), rate=10)(grip)
-            film = session.folder / "grip.gif"
+            film_writer(target, size=(480, 360), rate=10)(grip)
+            film = target
         except (SceneError, OutputError) as error:
             say(f"note: no film of its grip: {error}")
     report = report.model_copy(update={"page": str(file)})

@@ -53,7 +53,7 @@ def _describe_travel(travel: Travel) -> str:
     """Return the distance that a part moved; empty if it stayed at rest."""
     if not travel.counts and not travel.stretched:
         return ""
-    way = f"{travel.moved:g}" if travel.share is None else f"{format_percent(travel.share)}"
+    way = f"{travel.moved:g}" if travel.share is None else format_percent(travel.share)
     return f"{way}, turned {travel.turned:g} rad" if travel.turned else way
 
 

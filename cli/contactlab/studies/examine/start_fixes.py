@@ -51,7 +51,7 @@ def separate_links(
     model = motions[0].model
     word: VerdictWord = "depends" if verdict.word == "depends" else "inaccurate"
     can_move = any(moved_starts(scene, values, motions[0]))
-    # Pairs deep in each other of which neither is the world's, and neither floats.
+    # Pairs deep in each other; neither body is the world, and neither floats.
     stuck = list[tuple[int, int]]()
     if not can_move:
         data = begin_motion(motions[0])

@@ -6,7 +6,7 @@ meant.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -296,10 +296,13 @@ def _measure_slip(
 def _list_hanging_bodies(ends: TaskEnds) -> Iterator[Fact]:
     # Passive bodies that could collide, and that gravcomp alone keeps in the air.
     model = ends.model
-    if not model.body_gravcomp.any() or model.opt.density or model.neq:
+    at_joint = np.isin(model.actuator_trntype, AT_JOINT)
+    # Tendons, equalities and the medium may move any body.
+    is_moved = model.opt.density or model.neq or model.ntendon or not at_joint.all()
+    if not model.body_gravcomp.any() or is_moved:
         return
     colliding = {int(model.geom_bodyid[geom]) for pair in touch_pairs(model) for geom in pair}
-    driven = _list_driven_roots(model)
+    driven = model.body_rootid[model.jnt_bodyid[model.actuator_trnid[:, 0]]].tolist()
     for joint in np.flatnonzero(model.jnt_type == _FREE).tolist():
         root, dof = int(model.jnt_bodyid[joint]), int(model.jnt_dofadr[joint])
         own = np.flatnonzero(model.body_rootid == root)
@@ -318,11 +321,3 @@ def _list_hanging_bodies(ends: TaskEnds) -> Iterator[Fact]:
                 sentence=f"{name} hangs in the air and never moves: its gravcomp cancels "
                 f"{format_percent(share)} of its weight, and nothing drives or touches it",
             )
-
-
-def _list_driven_roots(model: mujoco.MjModel) -> Sequence[int]:
-    # Trees with an actuator or a tendon.
-    joints = model.actuator_trnid[np.isin(model.actuator_trntype, AT_JOINT), 0]
-    if model.ntendon or not np.isin(model.actuator_trntype, AT_JOINT).all():
-        return range(model.nbody)
-    return model.body_rootid[model.jnt_bodyid[joints]].tolist()

@@ -55,7 +55,7 @@ class SeededPoint:
     """A point with an error that may be measured on more seeds.
 
     Attributes:
-        error: so far, with its interval.
+        error: as measured so far, with its interval.
         seconds: counted time of one seed [s].
     """
 
