@@ -48,6 +48,10 @@ def test_text_data_patch_and_figure_say_the_same(
     assert f'timestep="{point["timestep"]}"'.encode() in written
     assert b"<!-- a comment stays -->" in written
     assert (tmp_path / "a.svg").stat().st_size > 1000
+    code, drawn_again, err = contactlab("tune", *asked, "--figure", "b.svg")
+    assert (code, drawn_again) == (0, out)
+    assert "not searching again" in err
+    assert json.loads((tmp_path / "out" / "tune.json").read_text()) == stored
     made = ["patch", "-p1", "--binary", pendulum.name]
     patch = (tmp_path / "out" / "tuned" / "tuned.patch").read_bytes()
     done = subprocess.run(made, input=patch, cwd=tmp_path, capture_output=True, check=False)

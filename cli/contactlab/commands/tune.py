@@ -127,7 +127,10 @@ def tune(
 
     opt.check_figure(figure, ".html")
     session = Session(folder, worker_count(workers), notify=say, allow_code=allow_code)
-    cached_report = None if pick is None else find_cached_report(request, session)
+    reuses_report = pick is not None or figure is not None
+    cached_report = find_cached_report(request, session) if reuses_report else None
+    if cached_report is not None:
+        say("found the front of the same question in the folder; not searching again")
     report = tune_model(request, session, time.process_time() - spent, cached_report)
     if figure is not None:
         _draw_front(report, Path(figure), dark=dark)
