@@ -34,6 +34,16 @@ def find_error(report: TuneReport, mark: str = "as written") -> float | None:
     return report.recommended.error
 
 
+def counts_as_equal(report: TuneReport) -> bool:
+    """Return whether the error as written is below the limit, so that larger ones equal it."""
+    own, target = report.current.error, report.target
+    return target.kind == "as written" and own is not None and own < target.limit
+
+
+def _limit_text(report: TuneReport) -> str:
+    return error_text(report.target.limit, report.target.unit)
+
+
 def settings_text(candidate: Candidate, current: Candidate) -> str:
     """Return the settings of a candidate in a line, with its timestep if that was changed."""
     step = {} if candidate.timestep == current.timestep else {"timestep": candidate.timestep}
@@ -74,7 +84,9 @@ def sentence_of(report: TuneReport) -> str:
     if best and best.time_ratio and verified:
         own = error_text(find_error(report, "recommended"), target.unit, target.tolerance)
         change = f"error {own}, as before" if own == current else f"error {own}, not {current}"
-        if own != current and _is_within_seeds(report):
+        if own != current and counts_as_equal(report):
+            change = f"error {own}, {current} as written (equal below {_limit_text(report)})"
+        elif own != current and _is_within_seeds(report):
             change = f"error {own}, {current} as written; its interval has both"
         change = "the same motion" if best.exact else change
         head = f"Recommended: {_time_text(best.time_ratio, best.cost)}, {change}."
@@ -125,7 +137,8 @@ def no_recommendation_text(report: TuneReport, *, has_options: bool) -> str:
     if above:
         return f"{error}, and no {tested} that is numerically accurate is within it."
     if has_options:
-        return f"No accurate {tested} is faster with an error of at most {current}, as written."
+        limit = _limit_text(report) if counts_as_equal(report) else f"{current}, as written"
+        return f"No accurate {tested} is faster with an error of at most {limit}."
     end = "is faster without making something worse"
     return f"No change recommended. {error}, and no {tested} {end}."
 

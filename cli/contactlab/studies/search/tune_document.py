@@ -31,6 +31,7 @@ from contactlab.schema.tune_report import (
 from contactlab.studies.search.configuration import INTEGRATOR, list_settings
 from contactlab.studies.search.report_text import (
     UNVERIFIED,
+    counts_as_equal,
     ending_text,
     error_text,
     find_error,
@@ -151,6 +152,8 @@ def _target_text(report: TuneReport) -> str:
         case "as written":
             own = error_text(find_error(report), target.unit, target.tolerance)
             text = f"no less accurate than the model as written, {own} in the table"
+            if counts_as_equal(report):
+                text += f"; errors below {limit} count as equal"
             if target.chance:
                 text += (
                     f"; the motion is chaotic, and seeds differ by {format_percent(target.chance)}"
