@@ -1,5 +1,6 @@
 """Limits and equalities that give way are seen, and by how much is that of the closed form."""
 
+import re
 from typing import Any
 
 import mujoco
@@ -99,6 +100,28 @@ def test_what_flies_through_a_stop_by_its_step_is_found(
     )
     model = model.replace("</mujoco>", '<keyframe><key qpos=".2" qvel="-6"/></keyframe></mujoco>')
     assert ("constraint_violated" in row_of(sweeper, model)["labels"]) == violated
+
+
+@pytest.mark.parametrize(("speed", "is_noted"), [(-2.5, True), (-0.8, False)])
+def test_a_slide_far_out_of_its_range_is_noted(sweeper: Any, speed: float, is_noted: bool) -> None:
+    """A stop at speed v gives way by v tc / e: 46 or 15 mm of a range of 36 mm.
+
+    The label has a limit of 50 mm, half of the reach of the body.
+    """
+    model = LIMIT.format(timeconst=0.05).replace(
+        "<worldbody>", '<option gravity="0 0 0" timestep=".001"/><worldbody>'
+    )
+    model = model.replace('range="0 .3"', 'range="0 .036"').replace('size=".05"', 'size=".1"')
+    model = model.replace("</mujoco>", f'<keyframe><key qvel="{speed}"/></keyframe></mujoco>')
+    row = row_of(sweeper, model)
+    peak = -speed * 0.05 / np.e
+    assert row["constraint_violation"] == pytest.approx(peak / 0.1, rel=0.03)
+    assert row["labels"] == ["stable"]
+    found = re.search(r"limit of lift is off by (\S+) mm, (\d+) % of its", row["label_reason"])
+    assert bool(found) == is_noted
+    if found:
+        assert float(found[1]) == pytest.approx(1e3 * peak, rel=0.03)
+        assert float(found[2]) == pytest.approx(100 * peak / 0.036, rel=0.03)
 
 
 @pytest.mark.parametrize(("lead", "violated"), [("mocap='true'", False), ("", True)])

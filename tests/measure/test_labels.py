@@ -192,6 +192,28 @@ class TestTunneling:
             assert (found.label, found.step) == ("tunneling", 50 if start > 0 else 49)
             assert "ball passed the mid-plane of floor-box" in found.reason
 
+    @pytest.mark.parametrize(
+        ("own", "cause"), [(0.02, "the model"), (0.2, "the numerics"), (None, "the numerics")]
+    )
+    def test_its_cause_is_that_of_its_own_body(
+        self,
+        trace_of: Any,
+        setup_of: Any,
+        pair_of: Any,
+        checks_of: Any,
+        own: float | None,
+        cause: str,
+    ) -> None:
+        """A run with an error of 30 % in `b`; that counts for bodies without one of their own."""
+        trace, setup = self.crossing(trace_of, setup_of, pair_of)
+        checks = checks_of(100, backward=0.3)
+        errors = (("b", 0.3), *(() if own is None else (("ball", own),)))
+        checks = replace(checks, backward=(checks.backward[0]._replace(errors=errors),))
+        found = assess_runs(trace, setup, checks).labels[0][0]
+        share, body = (30, "b") if own is None else (100 * own, "ball")
+        assert found.label == "tunneling"
+        assert found.reason.endswith(f"; cause: {cause} (numerical error {share:g} % in {body})")
+
     def test_a_plate_is_where_it_is(self, trace_of: Any, setup_of: Any, pair_of: Any) -> None:
         z = np.linspace(3, 1, 101) + 0.01
         for height, label in ((2.0, "tunneling"), (0.5, "stable"), (-2.0, "stable")):

@@ -133,6 +133,7 @@ def test_it_is_the_number_of_the_runs_own_budget(tmp_path: Path) -> None:
         energy=phase.energy_drift,
         energy_body="body[1]",
         energy_time=energy.time,
+        errors=(("body[1]", run.error),),
     )
 
 

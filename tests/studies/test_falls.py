@@ -1,11 +1,16 @@
 """A driven robot that falls from its start is a fact, unless its start is a known cause."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import mujoco
 import numpy as np
 import pytest
 
 from contactlab.budget import Motion
+from contactlab.measure.run_integrity import stable_reason
 from contactlab.schema.examination import Cause
+from contactlab.studies.examine.facts import list_run_notes
 from contactlab.studies.examine.standing_starts import list_falls, list_free_falls
 
 # A trunk on two thin legs, which only a strong hip keeps below it.
@@ -51,3 +56,17 @@ def test_a_robot_without_floor_and_actuators_falls_freely(floor: str, motor: str
         '<mujoco><worldbody><body><freejoint/><geom size=".1"/></body></worldbody></mujoco>'
     )
     assert not list(list_free_falls(thrown))
+
+
+def test_notes_of_stable_runs_are_facts_once() -> None:
+    """Of two seeds with the same notes; the values are those of their metrics."""
+    fall, limit = "ball falls at the end, 4 mm below all", "the limit of jaw is off by 5 mm"
+    examined: Any = SimpleNamespace(has_run=True, runs=[])
+    for reason in (stable_reason("a - b is deep", [fall, limit]), stable_reason(None, [fall])):
+        label = SimpleNamespace(reason=reason)
+        record = SimpleNamespace(labels=[label], metrics={"drop": 2, "constraint_violation": 0.3})
+        examined.runs.append(SimpleNamespace(record=record))
+    found = [
+        (fact.kind, fact.place, fact.value, fact.sentence) for fact in list_run_notes(examined)
+    ]
+    assert found == [("fall", "ball", 2.0, fall), ("limit", "jaw", 0.3, limit)]

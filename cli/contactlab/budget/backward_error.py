@@ -42,7 +42,14 @@ def _measure_run(
         return _NOTHING_MOVES
     worst, energy = phase.run, phase.energy_origin
     where = phase.bodies[worst.body], worst.time
-    error_of_run = BackwardError(worst.error, *where, phase.energy_drift, energy.body, energy.time)
+    error_of_run = BackwardError(
+        worst.error,
+        *where,
+        phase.energy_drift,
+        energy.body,
+        energy.time,
+        errors=tuple(zip(phase.bodies, worst.errors.tolist(), strict=True)),
+    )
     effects = (
         ChoiceEffect(row.name, row.error, phase.bodies[row.body], row.time)
         for row in phase.rows

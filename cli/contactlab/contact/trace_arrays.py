@@ -317,6 +317,7 @@ class BackwardError(NamedTuple):
     energy_body: str  # the body with the largest error of kinetic energy
     energy_time: float  # start of the window with that error [s]
     effects: tuple[ChoiceEffect, ...] | None = None  # of modeling choices; None if not measured
+    errors: tuple[tuple[str, float], ...] = ()  # each body and its own share
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,13 @@ from contactlab.contact.trace_arrays import (
 from contactlab.contact.trace_setup import Setup
 from contactlab.errors import ContactlabError, error_text
 from contactlab.foreign_code import ends_command, kept_folder
-from contactlab.measure.backward_error import TOLERANCE, numerical_error_text, resolved_runs
-from contactlab.measure.constraint_violation import constraint_violation
+from contactlab.measure.backward_error import (
+    TOLERANCE,
+    is_resolved,
+    numerical_error_text,
+    resolved_runs,
+)
+from contactlab.measure.constraint_violation import constraint_violation, list_accepted_limits
 from contactlab.measure.context import Context, StackedPairs, context_of, squared_speeds
 from contactlab.measure.coverage import run_coverages
 from contactlab.measure.energy_balance import (
@@ -37,6 +42,7 @@ from contactlab.measure.entries import (
     labels_with,
     threshold_values,
 )
+from contactlab.measure.motion import list_final_falls
 from contactlab.measure.penetration import PRESSED, accepted_overlaps, weights_borne
 from contactlab.measure.run_integrity import STABLE, invalid, stable_reason
 from contactlab.measure.solver_work import stuck_share
@@ -112,17 +118,25 @@ def assess_runs(trace: Trace, setup: Setup, checks: SelfChecks | None = None) ->
         for run, reasons in failures.items():
             others = [verdict for verdict in applied[run] if verdict.label != invalid.__name__]
             applied[run] = [AppliedLabel(invalid.__name__, "; ".join(reasons), 0), *others]
-        soft = accepted_overlaps(context)
-        labels = tuple(
-            tuple(labels) or (AppliedLabel(STABLE.name, stable_reason(soft.get(run)), 0),)
-            for run, labels in enumerate(applied)
-        )
+        labels = tuple(map(tuple, _fill_stable(context, applied)))
         suspect = np.array([own[0].label != STABLE.name for own in labels])
         if checks is None and trace.steps:
             suspect |= needs_second_pass(context)
         covered = run_coverages(context)
     bodies = tuple(error.body for error in checks.backward) if checks else ()
     return Assessment(metrics, labels, context.pairs, suspect, bodies or None, covered)
+
+
+def _fill_stable(
+    context: Context, labels: Sequence[Sequence[AppliedLabel]]
+) -> Iterator[Sequence[AppliedLabel]]:
+    # A run without a label is stable; its reason has accepted overlaps and notes.
+    overlaps = accepted_overlaps(context)
+    notes = list_accepted_limits(context), list_final_falls(context)
+    for run, own in enumerate(labels):
+        noted = [note[run] for note in notes if run in note]
+        reason = stable_reason(overlaps.get(run), noted)
+        yield own or (AppliedLabel(STABLE.name, reason, 0),)
 
 
 def _measure_metric(metric: Metric, context: Context, failures: Failures) -> Floats:
@@ -135,14 +149,18 @@ def _measure_metric(metric: Metric, context: Context, failures: Failures) -> Flo
 
 
 def _add_causes(context: Context, run: int, labels: list[AppliedLabel]) -> Iterator[AppliedLabel]:
-    """Yield labels of a run; labels that may be numerical get their cause in the reason."""
-    traced, resolved = labels_with("numerical"), resolved_runs(context)
+    """Yield labels of a run; those that may be numerical get their cause in the reason.
+
+    It is judged by the numerical error of the bodies of the label: another body's says nothing.
+    """
+    traced = labels_with("numerical")
     for label in labels:
-        if resolved is None or label.label not in traced:
+        if resolved_runs(context) is None or label.label not in traced:
             yield label
         else:
-            cause = "cause: the model" if resolved[run] else NUMERICAL_CAUSE
-            error = numerical_error_text(context, run)
+            is_of_model = is_resolved(context, run, label.bodies)
+            cause = "cause: the model" if is_of_model else NUMERICAL_CAUSE
+            error = numerical_error_text(context, run, label.bodies)
             yield label._replace(reason=f"{label.reason}; {cause} ({error})")
 
 

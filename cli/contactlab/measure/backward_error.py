@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Collection
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,13 +119,37 @@ def unresolved_runs(context: Context) -> list[int]:
     return [] if resolved is None else runs_where(~resolved)
 
 
-def numerical_error_text(context: Context, run: int) -> str:
-    """Return the numerical error of a run and its worst body as text."""
+def is_resolved(context: Context, run: int, bodies: Collection[str]) -> bool:
+    """Return whether some bodies of a measured run move as in its model; without bodies, all."""
+    resolved = resolved_runs(context)
+    assert resolved is not None
+    assert context.checks is not None
+    error, own = context.checks.backward[run], _find_worst(context, run, bodies)
+    if resolved[run] or own is None:
+        return bool(resolved[run])
+    within = threshold_values(context.setup.thresholds)[TOLERANCE.name]
+    drifts = abs(error.energy) > within and error.energy_body in bodies
+    return own[1] <= within and not drifts
+
+
+def numerical_error_text(context: Context, run: int, bodies: Collection[str] = ()) -> str:
+    """Return the numerical error of the worst of some bodies of a run as text; by default of all.
+
+    It is that of all, too, if these bodies lack one, such as bodies without mass.
+    """
     assert context.checks is not None
     error = context.checks.backward[run]
     if np.isinf(error.share):
         return "the engine warned"
-    return f"numerical error {format_amount(error.share, '%', digits=3)} in {error.body}"
+    body, share = _find_worst(context, run, bodies) or (error.body, error.share)
+    return f"numerical error {format_amount(share, '%', digits=3)} in {body}"
+
+
+def _find_worst(context: Context, run: int, bodies: Collection[str]) -> tuple[str, float] | None:
+    assert context.checks is not None
+    errors = context.checks.backward[run].errors
+    own = [error for error in errors if error[0] in bodies and not np.isnan(error[1])]
+    return max(own, key=itemgetter(1), default=None)
 
 
 def energy_drifts(runs: MeasuredRuns, sign: int) -> OnsetIterator:

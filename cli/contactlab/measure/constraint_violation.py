@@ -8,9 +8,17 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import DEGREES, QUARTER_TURN, Part
 from contactlab.measure.backward_error import TOLERANCE, numerical_error_text, unresolved_runs
 from contactlab.measure.context import Context, cached, first_step, runs_where, worst_pair
-from contactlab.measure.entries import MeasuredRuns, Onset, OnsetIterator, Threshold, label, metric
+from contactlab.measure.entries import (
+    MeasuredRuns,
+    Onset,
+    OnsetIterator,
+    Threshold,
+    label,
+    metric,
+    threshold_values,
+)
 from contactlab.measure.friction import RATE
-from contactlab.rendering.amounts import format_amount
+from contactlab.rendering.amounts import format_amount, format_percent
 
 _PEAK_THRESHOLD = Threshold(
     "constraint_violation",
@@ -31,6 +39,7 @@ class _Violation:
     rest: Floats  # (n,) the median of the last quarter, likewise
     course: Floats | None = None  # (n, N) over time; None for a sampled violation
     bodies: tuple[str, ...] = ()  # the bodies that it holds
+    width: float = np.nan  # the range of a limit
 
 
 @cached
@@ -113,7 +122,27 @@ def _limit_violation(context: Context, part: Part, places: Floats) -> _Violation
     rest = np.quantile((beyond + ahead)[:, 3 * beyond.shape[1] // 4 :], resting_quantile, axis=1)
     unit = "rad" if turns else "m"
     peak = beyond.max(axis=1)
-    return _Violation(f"the limit of {part.name}", unit, scale, peak, rest, beyond, part.bodies)
+    name = f"the limit of {part.name}"
+    return _Violation(name, unit, scale, peak, rest, beyond, part.bodies, width)
+
+
+@cached
+def list_accepted_limits(context: Context) -> dict[int, str]:
+    """Return the limit that gives way by the largest share of its range in words, by run.
+
+    It counts from half of its range, as for the label, and from the tolerance of its body's reach:
+    a body larger than the range of its joint excuses it, but the joint was far out of its range.
+    """
+    limits = threshold_values(context.setup.thresholds)
+    worst: dict[int, tuple[float, str]] = {}
+    for violation in _find_violations(context):
+        share = violation.peak / violation.width
+        far = share > limits[_PEAK_THRESHOLD.name]
+        for run in runs_where(far & (violation.peak > limits[TOLERANCE.name] * violation.scale)):
+            off = _format_violation(violation.peak[run], violation.unit)
+            note = f"{violation.name} is off by {off}, {format_percent(share[run])} of its range"
+            worst[run] = max(worst.get(run, (0.0, "")), (float(share[run]), note))
+    return {run: note for run, (_, note) in worst.items()}
 
 
 @metric("1", "lower", 1e-9)

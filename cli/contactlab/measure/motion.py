@@ -187,6 +187,40 @@ def turn(context: Context) -> Floats:
     return worst_body(context, angles) * context.trace.timestep
 
 
+@cached
+def list_final_falls(context: Context) -> dict[int, str]:
+    """Return the free body that falls farthest at the end after it lost its contacts, by run.
+
+    It is farther below all places where it touched anything than it reaches, and has gained at
+    least half the speed of a free fall since its last contact.
+    """
+    trace, below, setup = context.trace, down(context), context.setup
+    parts = setup.mechanism.joints if setup.mechanism else ()
+    reaches = {part.place: part.reach for part in parts}
+    least_share = 0.5  # of a free fall: air and turns about another point than the frame slow it
+    farthest: dict[int, tuple[float, str]] = {}
+    for body in setup.free_bodies:
+        own = np.array([body.name in sides for sides in setup.sides], np.bool_)
+        rows = context.pairs.rows[own] if own.any() else ()
+        if not len(rows) or not trace.steps:
+            continue
+        touches = np.logical_or.reduce(context.net.found[rows] > 0)
+        depth = np.einsum("nti,ni->nt", context.position(body), below)
+        lowest = depth[:, :-1].max(axis=1, where=touches, initial=-np.inf)
+        fallen = depth[:, -1] - lowest
+        leaves = trace.steps - touches[:, ::-1].argmax(axis=1)  # the state after the last contact
+        runs = np.arange(trace.runs)
+        speed = np.einsum("nti,ni->nt", context.velocity(body), below)
+        gained = speed[:, -1] - speed[runs, leaves]
+        free = least_share * gravity(context) * (trace.steps - leaves) * trace.timestep
+        far = fallen > reaches.get(body.qpos, setup.size)
+        for run in runs_where(touches.any(axis=1) & far & (gained >= free)):
+            note = f"{body.name} falls at the end, {format_amount(fallen[run], 'mm')} below all"
+            note = f"{note} of its contacts"
+            farthest[run] = max(farthest.get(run, (0.0, "")), (float(fallen[run]), note))
+    return {run: note for run, (_, note) in farthest.items()}
+
+
 @label(
     "bad",
     rank=1,

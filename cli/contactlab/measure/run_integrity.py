@@ -1,5 +1,8 @@
 """Labels of runs that are not valid simulations: clock, numbers, length; and of good runs."""
 
+import re
+from collections.abc import Sequence
+
 import numpy as np
 
 from contactlab.measure.context import Context, energy, first_step, runs_where, squares_from
@@ -43,17 +46,30 @@ STABLE = LABELS.add(
         colour="#dbe5de",
     )
 )
-_ACCEPTED = f"{STABLE.meaning} Accepted: "
+_ACCEPTED, _NOTED = "Accepted: ", "Note: "
 
 
-def stable_reason(accepted: str | None) -> str:
-    """Return the reason of a stable run, with its accepted overlap in words."""
-    return f"{_ACCEPTED}{accepted}." if accepted else STABLE.meaning
+def stable_reason(accepted: str | None, noted: Sequence[str] = ()) -> str:
+    """Return the reason of a stable run, with its accepted overlap and its notes in words."""
+    overlap = [f"{_ACCEPTED}{accepted}."] if accepted else []
+    return " ".join((STABLE.meaning, *overlap, *(f"{_NOTED}{note}." for note in noted)))
 
 
 def find_accepted(reason: str) -> str:
     """Return the accepted overlap that the reason of a run has; empty without one."""
-    return reason.removeprefix(_ACCEPTED).removesuffix(".") if reason.startswith(_ACCEPTED) else ""
+    return next(iter(_find_remarks(reason, _ACCEPTED)), "")
+
+
+def find_notes(reason: str) -> list[str]:
+    """Return the notes that the reason of a stable run has."""
+    return _find_remarks(reason, _NOTED)
+
+
+def _find_remarks(reason: str, kind: str) -> list[str]:
+    if not reason.startswith(STABLE.meaning):
+        return []
+    remarks = re.split(f" (?={_ACCEPTED}|{_NOTED})", reason)[1:]
+    return [one.removeprefix(kind).removesuffix(".") for one in remarks if one.startswith(kind)]
 
 
 _MEMORY_WARNINGS = {"contactfull", "cnstrfull"}  # warnings of memory for contacts and constraints

@@ -47,7 +47,12 @@ from contactlab.studies.examine.conclusion import conclude, find_failed_checks
 from contactlab.studies.examine.contact_values import measure_contacts, split_values
 from contactlab.studies.examine.design_causes import find_lost_grip, find_sagging_servo
 from contactlab.studies.examine.engine_faults import MetFaults
-from contactlab.studies.examine.facts import explain_depth, list_facts, list_inertia_facts
+from contactlab.studies.examine.facts import (
+    explain_depth,
+    list_facts,
+    list_inertia_facts,
+    list_run_notes,
+)
 from contactlab.studies.examine.field_passages import judge_fields
 from contactlab.studies.examine.fixes import FixSearch, RepairedFiles, TaskRepeats
 from contactlab.studies.examine.judged_model import (
@@ -347,6 +352,7 @@ def _measure_budget(
             *list_falls(examined.motions[0], repaired.causes),
             *list_free_falls(model),
             *explain_depth(list_facts(examined.motions, times), examined),
+            *list_run_notes(examined),
             *list_inertia_facts(examined.prepared.model),
             *(() if designs else list_sagging_servos(report.servos)),
             *list_idle_facts(TaskEnds(examined.motions[0])),

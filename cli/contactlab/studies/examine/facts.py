@@ -3,6 +3,7 @@
 They are not judged, since they may be intended. Numbers have units that people use.
 """
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
@@ -13,7 +14,7 @@ from contactlab.budget.force_places import contact_name
 from contactlab.budget.motion import INTEGRATION, Motion
 from contactlab.budget.windows import Run, joint_name, replay_motion
 from contactlab.contact.trace_arrays import Floats
-from contactlab.measure.run_integrity import find_accepted
+from contactlab.measure.run_integrity import find_accepted, find_notes
 from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.rendering.amounts import format_digits, format_percent
 from contactlab.scene.body_inertia import in_words, inertia_faults
@@ -96,6 +97,27 @@ def explain_depth(found: Iterable[Fact], examined: CheckedModel) -> Iterator[Fac
             yield fact.model_copy(update={"sentence": sentence})
         else:
             yield fact
+
+
+def list_run_notes(examined: CheckedModel) -> Iterator[Fact]:
+    """Yield the notes of stable runs: a limit far off, a body that falls at the end; each once."""
+    known = set[str]()
+    for record in (run.record for run in examined.runs) if examined.has_run else ():
+        for note in find_notes(record.labels[0].reason):
+            found = re.fullmatch("(the limit of )?(.+) (is off by|falls at the end).*", note)
+            if found is None or found[2] in known:
+                continue
+            known.add(found[2])
+            kind, metric, unit = ("limit", "constraint_violation", "1")
+            if not found[1]:
+                kind, metric, unit = ("fall", "drop", "m")
+            yield Fact(
+                kind=kind,
+                place=found[2],
+                value=record.metrics[metric] or 0.0,
+                unit=unit,
+                sentence=note,
+            )
 
 
 def _measure_contacts(
