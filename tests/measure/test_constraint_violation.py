@@ -102,6 +102,45 @@ def test_what_flies_through_a_stop_by_its_step_is_found(
     assert ("constraint_violated" in row_of(sweeper, model)["labels"]) == violated
 
 
+SWUNG = """
+<mujoco>
+  <worldbody><body name="door"><joint name="door" axis="0 0 1" range="-120 30" limited="true"
+    damping=".02" solreflimit="{timeconst} {dampratio}"/>
+    <geom type="box" size=".4 .02 .9" pos=".4 0 0" mass="5"/></body></worldbody>
+  <keyframe><key qvel="{speed}" qpos=".5"/></keyframe>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize("duration", [1, 2, 5])
+@pytest.mark.parametrize(
+    ("timeconst", "dampratio", "speed"), [(0.5, 1, 2.0), (0.5, 0.3, 2.0), (2, 1, 1.5)]
+)
+def test_a_door_that_swings_back_from_its_stop_rests_on_none(
+    sweeper: Any, timeconst: float, dampratio: float, speed: float, duration: float
+) -> None:
+    """Nothing holds it beyond, so that at any duration the limit yields nowhere at rest."""
+    (sweeper.folder / "model.xml").write_text(
+        SWUNG.format(timeconst=timeconst, dampratio=dampratio, speed=speed)
+    )
+    sweeper.run(SWEEP.replace("duration: 6", f"duration: {duration}"))
+    (row,) = sweeper.rows()
+    assert row["constraint_violation"] > 0.1
+    assert row["constraint_violation_rest"] < 0.05
+
+
+@pytest.mark.parametrize("duration", [1, 2, 5])
+@pytest.mark.parametrize(("timeconst", "violated"), [(0.1, False), (0.4, True)])
+def test_a_limit_under_load_is_the_same_at_any_duration(
+    sweeper: Any, timeconst: float, violated: bool, duration: float
+) -> None:
+    """At rest it gives way by 2 and 26 % of its range; in a second, the latter by half of that."""
+    (sweeper.folder / "model.xml").write_text(LIMIT.format(timeconst=timeconst))
+    sweeper.run(SWEEP.replace("duration: 6", f"duration: {duration}"))
+    (row,) = sweeper.rows()
+    assert ("constraint_violated" in row["labels"]) == violated
+
+
 @pytest.mark.parametrize(("speed", "is_noted"), [(-2.5, True), (-0.8, False)])
 def test_a_slide_far_out_of_its_range_is_noted(sweeper: Any, speed: float, is_noted: bool) -> None:
     """A stop at speed v gives way by v tc / e: 46 or 15 mm of a range of 36 mm.
