@@ -356,6 +356,19 @@ def test_mass_beyond_the_machine_is_impossible_if_a_joint_feels_it(
     assert ("beyond" in {fault.kind for fault in inertia_faults(model)}) == beyond
 
 
+def test_the_farthest_point_is_of_the_body_if_it_is_alone() -> None:
+    """A small link at the end of the rod makes a machine of both."""
+    link = '<body><joint axis="0 1 0"/><geom size=".01"/></body>'
+    alone = pendulum(1.1)
+    for text, owner in (
+        (alone, "its geoms"),
+        (alone.replace("</body></worldbody>", f"{link}</body></worldbody>"), "the machine"),
+    ):
+        faults = inertia_faults(mujoco.MjModel.from_xml_string(text))
+        (reason,) = [fault.reason for fault in faults if fault.kind == "beyond"]
+        assert f"farthest point of {owner} is" in reason
+
+
 def test_a_link_may_have_mass_anywhere_in_its_machine() -> None:
     """Its geoms are often simplified; those of the other links bound it, too."""
     long = '<body pos="0 0 -1"><joint axis="0 1 0"/><geom type="capsule" size=".01 1"/></body>'

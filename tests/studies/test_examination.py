@@ -11,9 +11,11 @@ from contactlab.reporting.examination_document import describe_examination
 from contactlab.schema.error_budget import BudgetPhase, BudgetReason, BudgetReport, BudgetRow
 from contactlab.schema.examination import Cause, Examination, Fact, Fix, RunLabel
 from contactlab.schema.finding import Finding
+from contactlab.schema.grip import GripReport, GripVerdict
 from contactlab.schema.task import Phase, Task
 from contactlab.schema.verdict import VerdictWord
 from contactlab.studies.examine.conclusion import conclude
+from contactlab.studies.grip.grip_fact import describe_grip
 
 WORDS: tuple[VerdictWord, ...] = ("inaccurate", "undecided", "depends", "ok")
 OVERLAP = Fact(kind="overlap", place="", value=0.02, unit="m", sentence="mug is in the table")
@@ -111,6 +113,26 @@ def test_a_label_fails_a_run_whose_numerics_are_fine(
     fails = labels and word in {"depends", "ok"}
     assert report.verdict == ("fails" if fails else word)
     assert any(LABEL.reason in cause for cause in report.why) == bool(labels)
+
+
+def test_a_failure_has_one_numerical_error_in_its_reasons() -> None:
+    """That of the run with the label; without it, the one of the budget."""
+    caused = f"{LABEL.reason}; cause: the model (numerical error 3.2 % in mug)"
+    own = LABEL.model_copy(update={"reason": caused})
+    for label, error in ((own, "3.2 %"), (LABEL, "4 %")):
+        why = " ".join(conclude(examined("depends", labels=(label,))).why)
+        assert re.findall("numerical error ([0-9.]+ %)", why) == [error]
+        assert "also depends on the friction cone" in why
+
+
+@pytest.mark.parametrize("word", ["holds", "creeps"])
+def test_a_grip_that_holds_is_no_reason_of_a_failure(word: GripVerdict) -> None:
+    """It is one of a model that passes, and remains a fact."""
+    said: Any = {"keyframe": None, "base": "hand", "sentence": f"{word} the mug", "drifts": ()}
+    grip = describe_grip(GripReport.model_construct(verdict=word, **said))
+    for labels in ((LABEL,), ()):
+        why = conclude(examined("ok", labels=labels, facts=(grip,))).why
+        assert (grip.sentence in why) == (word != "holds" or not labels)
 
 
 def test_a_failed_check_fails_and_a_waived_label_does_not() -> None:

@@ -179,9 +179,11 @@ def _find_beyond(
         own = np.asarray(data.ximat[body]).reshape(3, 3).T @ turn
         excess = (1 - (reach / spread) ** 2) * (moments[:, None] * own**2).sum(axis=0)
         if (excess > least_share * np.diag(mass)).any():
+            parents = model.body_parentid
+            is_alone = not parents[body] and not (parents[1:] == body).any()
             reason = (
                 f"its inertia puts its mass {spread:.3g} m (rms) from its center; the farthest "
-                f"point of the machine is {reach:.3g} m away"
+                f"point of {'its geoms' if is_alone else 'the machine'} is {reach:.3g} m away"
             )
             name = model.body(body).name
             yield body, InertiaFault(name, "beyond", spread, _SLACK * reach, "m", reason)

@@ -25,6 +25,7 @@ from contactlab.schema.examination import Cause, Examination
 from contactlab.schema.finding import Finding
 from contactlab.schema.task import QPOS0
 from contactlab.schema.verdict import PASSING_VERDICTS, VerdictWord, join_verdict
+from contactlab.studies.grip.grip_fact import is_held
 
 _BY_HAND = "by hand: "
 _OF_TASK = {NUMERICAL_CHECK, ENERGY_CHECK, "failure_labels"}  # which repeat budget and labels
@@ -161,7 +162,9 @@ def _yield_causes(report: Examination, verdict: VerdictWord) -> Iterator[str]:
     ]
     numerics = [*_list_numerics(report, verdict)]
     yield from (*failures, *numerics) if verdict == "fails" else (*numerics, *failures)
-    yield from (fact.sentence for fact in report.facts if fact.kind == "grip")
+    passes = verdict in PASSING_VERDICTS
+    grips = (fact for fact in report.facts if fact.kind == "grip")
+    yield from (fact.sentence for fact in grips if passes or not is_held(fact))
 
 
 def _touches_nothing(report: Examination) -> bool:
@@ -274,6 +277,9 @@ def _choices_line(report: Examination, reasons: Sequence[BudgetReason]) -> str:
             )
     also = f"also depends on {' and '.join(choices.values())}" if choices else ""
     if report.verdict == "depends":
+        return also
+    # Labels have the error of their own run, which a second number seems to contradict.
+    if any("numerical error" in label.reason for label in labels_in_why(report)):
         return also
     error = format_percent(_largest_error(report))
     fine = f"numerical error {error}, at most {format_percent(report.budget.tolerance)} is allowed"

@@ -14,6 +14,8 @@ from contactlab.studies.grip.fingers import find_hand
 from contactlab.studies.grip.grip_fixes import Grip
 from contactlab.studies.grip.gripping import GripRequest, judge_grip
 
+_HELD = " (contactlab grip)"
+
 
 def find_grip(
     reference: str,
@@ -77,7 +79,7 @@ def describe_grip(report: GripReport) -> Fact:
     )
     where = f"keyframe {report.keyframe}" if report.keyframe else "its hand"
     option = f" --keyframe {report.keyframe}" if report.keyframe else ""
-    more = " (contactlab grip)" if report.holds else f"; contactlab grip{option} tests fixes"
+    more = _HELD if report.holds else f"; contactlab grip{option} tests fixes"
     return Fact(
         kind="grip",
         place=report.base,
@@ -85,6 +87,11 @@ def describe_grip(report: GripReport) -> Fact:
         unit="s" if lost else "m/s",
         sentence=f"{where} ({report.base}) {report.sentence}{more}",
     )
+
+
+def is_held(fact: Fact) -> bool:
+    """Return whether a fact is of a grip that holds."""
+    return fact.kind == "grip" and fact.sentence.endswith(_HELD)
 
 
 def grip_requests(reference: str, model: mujoco.MjModel, start: str) -> Iterator[GripRequest]:
