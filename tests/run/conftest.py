@@ -81,7 +81,7 @@ class Command:
     ) -> int:
         """Start the command and kill it after up to `longest` [s], until it ends by itself.
 
-        Return how often it was killed.
+        By chance, its whole group is killed, or its main process alone. Return the number of kills.
         """
         killed = 0
         while True:
@@ -89,7 +89,7 @@ class Command:
             try:
                 _, err = process.communicate(timeout=dice.uniform(0.1, longest))
             except subprocess.TimeoutExpired:
-                os.killpg(process.pid, signal.SIGKILL)
+                dice.choice((os.kill, os.killpg))(process.pid, signal.SIGKILL)
                 process.communicate()
                 killed += 1
             else:

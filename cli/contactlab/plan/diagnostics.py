@@ -2,7 +2,7 @@
 
 import unicodedata
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from contactlab.errors import SweepFileError
@@ -20,7 +20,7 @@ class SourceText:
     """
 
     name: str
-    lines: tuple[str, ...]
+    lines: tuple[str, ...] = field(hash=False)  # a mistake would take the time of a whole text
     numbered: bool = True
 
     def line_at(self, number: int) -> str:

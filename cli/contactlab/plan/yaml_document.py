@@ -16,15 +16,18 @@ from ruamel.yaml.reader import ReaderError
 from contactlab.errors import SweepFileError, no_file, refuse_pipe
 from contactlab.plan.diagnostics import Diagnostic, Place, Severity, SourceText
 from contactlab.plan.mistakes import MISTAKES
+from contactlab.plan.number_lists import Composition, NumberList, compose_yaml
 from contactlab.printable import in_one_line
 from contactlab.schema.strict_model import check_extent
 
 KeyPath = tuple[str | int, ...]
 MOST_NODES = 1_000_000
-# YAML 1.2's own definition of a number; the loader does not recognize `.5e3`.
+# YAML 1.2's own definition of a number; the loader takes `.5e3` for a word, and warns of `1e3`
+# in YAML 1.1.
 _FLOAT_PATTERN = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _LINE_BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 _TAG_PREFIX = "tag:yaml.org,2002:"
+_FLOAT_TAGS = (f"{_TAG_PREFIX}str", f"{_TAG_PREFIX}float")
 
 
 @dataclass
@@ -209,13 +212,13 @@ class _YamlReader:
         self.document = document
         self.source = source
         self.shift = shift
-        self.yaml = YAML(typ="safe", pure=True)
-        self.yaml.composer.warn_double_anchors = False
+        self.composition = Composition(YAML(typ="safe", pure=True), None, {})
 
     def read(self, text: str, path: KeyPath = ()) -> object:
         try:
             check_extent(text)
-            root = cast("Node | None", self.yaml.compose(text))
+            self.composition = compose_yaml(text)
+            root = self.composition.root
             return None if root is None else self._node_data(_check_size(root), path)
         except MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
@@ -262,8 +265,19 @@ class _YamlReader:
             return data
         if isinstance(node, SequenceNode):
             items = cast("list[Node]", node.value)
+            if id(node) in self.composition.lists:
+                return self._list_numbers(self.composition.lists[id(node)], items[0], path)
             return [self._node_data(item, (*path, index)) for index, item in enumerate(items)]
         return self._scalar_data(cast("ScalarNode", node))
+
+    def _list_numbers(self, numbers: NumberList, first: Node, path: KeyPath) -> list[float]:
+        start = self._mark_place(first.start_mark)
+        later = max(1 + self.shift, 1)
+        for index, (line, column, width) in enumerate(numbers.iterate_places()):
+            first_column = later if line else start.column
+            place = Place(self.source, start.line + line, first_column + column, width)
+            self.document.values[(*path, index)] = place
+        return list(numbers.numbers)
 
     def _merged_entries(self, node: MappingNode) -> Iterator[tuple[Node, Node]]:
         """Yield the entries of a mapping, and those merged (`<<`) that it does not replace."""
@@ -289,12 +303,12 @@ class _YamlReader:
 
     def _scalar_data(self, node: ScalarNode) -> object:
         text, tag = str(node.value), str(node.tag)
-        if not node.style and tag == f"{_TAG_PREFIX}str" and _FLOAT_PATTERN.fullmatch(text):
+        if not node.style and tag in _FLOAT_TAGS and _FLOAT_PATTERN.fullmatch(text):
             return float(text)
         if tag == f"{_TAG_PREFIX}timestamp":
             return text
         try:
-            return self.yaml.constructor.construct_object(node)
+            return self.composition.yaml.constructor.construct_object(node)
         except (MarkedYAMLError, ValueError):
             place = self._mark_place(node.start_mark, node.end_mark)
             self._add_syntax_error(

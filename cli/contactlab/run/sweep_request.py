@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache, partial
 from itertools import starmap
 from pathlib import Path
 
@@ -192,6 +192,7 @@ class SceneLoader:
         scene = self._open_undriven(reference)
         reserved_names = RESERVED_COLUMNS | set(METRICS)
 
+        @cache  # it is called for each value
         def find_axis(name: str) -> AxisSpec | None:
             # Columns and coordinates may share a name, which then means the column.
             if name in reserved_names and scene.catalogue.sets_start(name):
