@@ -103,11 +103,12 @@ def test_a_page_of_hostile_labels(contactlab: Callable[..., Any], store: Path) -
 
 
 def test_no_cell_of_a_table_is_computed(capsys: pytest.CaptureFixture[str]) -> None:
-    print_csv(["=1+1"], [["=HYPERLINK(1)"], ["@SUM(1)"], ["+1"], [-1.5], ["-"]])
+    print_csv(["=1+1"], [["=HYPERLINK(1)"], ["@SUM(1)"], ["+1"], ["-2+3"], [-1.5], ["-"]])
     assert capsys.readouterr().out.splitlines()[1:] == [
         "'=HYPERLINK(1)",
         "'@SUM(1)",
         "'+1",
+        "'-2+3",
         "-1.5",
         "-",
     ]

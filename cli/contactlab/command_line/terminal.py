@@ -152,8 +152,9 @@ def print_csv(header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
 
 
 def _plain_cell(text: str) -> str:
-    # Spreadsheets compute a text that begins with one of these signs.
-    return in_one_line(f"'{text}" if text.startswith(("=", "@", "+", "\t", "\r")) else text)
+    # Spreadsheets compute a text that begins with one of these signs; `-` alone means no value.
+    is_computed = text.startswith(("=", "@", "+", "-", "\t", "\r")) and len(text) > 1
+    return in_one_line(f"'{text}" if is_computed else text)
 
 
 def print_report_json(report: "BaseModel", arguments: object) -> None:
