@@ -299,3 +299,38 @@ def test_listed_pairs_touch_whatever_their_masks_are() -> None:
     assert touch_pairs(model) == geom_pairs(touch_mask(model)) == [(0, 2), (0, 3), (1, 3), (2, 3)]
     others = touch_pairs(model, listed=False)
     assert others == geom_pairs(touch_mask(model, listed=False)) == [(0, 3), (2, 3)]
+
+
+@pytest.mark.parametrize("bodies", ["free", "hinged", "both"])
+def test_the_likeliest_of_many_pairs_are_those_of_a_full_list(bodies: str) -> None:
+    """The ranks are those of an obvious loop over all pairs, ties included."""
+    parts = []
+    for index in range(14):
+        joint = (
+            "<freejoint/>" if bodies == "free" or (bodies == "both" and index % 2) else "<joint/>"
+        )
+        geom = f'<geom size="0.0{1 + index % 3}" mass="1"/>'
+        parts.append(f'<body pos="{index % 4} {index // 4} 9">{joint}{geom}</body>')
+    fixed = "".join(f'<geom size="0.1" pos="{x} 0 5"/>' for x in range(3))
+    plane = '<geom type="plane" size="9 9 1"/>'
+    world = f"<worldbody>{plane}{fixed}{''.join(parts)}</worldbody>"
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><option gravity='0 0 0'/>{world}</mujoco>")
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    free = [model.body_dofnum[body] == 6 for body in model.geom_bodyid]
+    fixed_geoms = [model.body_weldid[body] == 0 for body in model.geom_bodyid]
+
+    def rank(pair: tuple[int, int]) -> tuple[int, float, tuple[int, int]]:
+        first, second = pair
+        group = 2
+        if free[first] or free[second]:
+            group = 0 if fixed_geoms[first] or fixed_geoms[second] else 1
+        gap = np.linalg.norm(data.geom_xpos[first] - data.geom_xpos[second])
+        gap -= model.geom_rbound[[first, second]].sum()
+        return group, -np.inf if 0 in pair else float(gap), pair
+
+    pairs = contact_pairs.touch_pairs(model)
+    assert len(pairs) > 2 * contact_pairs.MAX_PAIRS
+    expected = sorted(pairs, key=rank)[: contact_pairs.MAX_PAIRS]
+    found = [(pair.geoms[0][0], pair.geoms[1][0]) for pair in contact_pairs.detected_pairs(model)]
+    assert found == expected
