@@ -312,10 +312,11 @@ def _measure_budget(
     if not broken:
         causes, broken = judge_fields(examined.motions, times, failing=not repaired.passes)
         repaired = replace(repaired, causes=(*repaired.causes, *causes))
-    model = examined.motions[0].model
+    ends = TaskEnds(examined.motions[0])
+    model = ends.model
     grip = None if request.assign else find_grip(request.model, model, task.start, request.film)
     is_known = bool(broken) or any(fault.is_certain for fault in faults)
-    designs = () if is_known else tuple(_list_design_causes(examined, report.labels, grip))
+    designs = () if is_known else tuple(_list_design_causes(examined, report.labels, grip, ends))
     repaired = replace(repaired, causes=(*repaired.causes, *designs))
     if "fixes" in request.sections and not broken:
         left = _limit_share(limit, _VERIFYING, examined)
@@ -349,13 +350,13 @@ def _measure_budget(
     if "facts" in request.sections:
         found = [
             *met.facts,
-            *list_falls(examined.motions[0], repaired.causes),
+            *list_falls(ends.motion, repaired.causes),
             *list_free_falls(model),
             *explain_depth(list_facts(examined.motions, times), examined),
             *list_run_notes(examined),
             *list_inertia_facts(examined.prepared.model),
             *(() if designs else list_sagging_servos(report.servos)),
-            *list_idle_facts(TaskEnds(examined.motions[0])),
+            *list_idle_facts(ends),
             *list_loop_facts(report.loop),
             *(list_unheld_servos(report.servos) if request.assign else ()),  # as lint has them
             *(() if grip is None else (describe_grip(grip),)),
@@ -400,7 +401,8 @@ def _repair_design(
         if grip is not None:
             model = examined.motions[0].model
             grip = find_grip(examined.reference, model, examined.task.start)
-        designs = tuple(_list_design_causes(examined, repaired.labels, grip))
+        ends = TaskEnds(examined.motions[0])
+        designs = tuple(_list_design_causes(examined, repaired.labels, grip, ends))
     elif repaired.causes:
         designs = ()
     for cause in designs:
@@ -412,16 +414,14 @@ def _repair_design(
 
 
 def _list_design_causes(
-    examined: CheckedModel, labels: Sequence[RunLabel], grip: GripReport | None
+    examined: CheckedModel, labels: Sequence[RunLabel], grip: GripReport | None, ends: TaskEnds
 ) -> Iterator[Cause]:
     # Only of runs with sound numerics: an object creeps from jaws if the solver has not converged.
     unsolved = any(label.label in CONVERGED_SOLVER.labels for label in labels)
     if unsolved or examined.budget_verdict.word not in PASSING_VERDICTS:
         return
-    motion = examined.motions[0]
     if grip is not None:
-        yield from find_lost_grip(motion.model, grip, describe_grip(grip).sentence)
-    ends = TaskEnds(motion)
+        yield from find_lost_grip(ends.model, grip, describe_grip(grip).sentence)
     yield from find_sagging_servo(ends)
     yield from list_undone_designs(ends)
 
