@@ -16,8 +16,12 @@ from contactlab.schema.finding import Finding
 from contactlab.store.run_columns import NumberColumn
 
 
-def seeded(scene: str, seeds: int = 3) -> Given:
-    """Return runs of eight settings with seeds, of a scene of this hash."""
+def seeded(scene: str, seeds: int = 3, *, moved: int = 3) -> Given:
+    """Return runs of eight settings with seeds, of a scene of this hash.
+
+    Every seed moves them in its own way, or only each of the first ones `moved`, which the others
+    repeat.
+    """
     given = eight()
     runs = [
         run.model_copy(
@@ -26,6 +30,7 @@ def seeded(scene: str, seeds: int = 3) -> Given:
                 "index": run.index * seeds + seed,
                 "scene_hash": scene,
                 "seed": seed,
+                "trajectory_hash": f"{run.index * moved + seed % moved:032x}",
             }
         )
         for run in given.runs
@@ -80,6 +85,27 @@ def test_labels_of_few_runs_may_be_chance(
     assert report.exit_code == code
     (found,) = (each for each in report.findings if each.name == "no more chatter")
     assert found.message.startswith(f"{runs} of 24 runs newly chatter, 0 no longer: ")
+
+
+@pytest.mark.parametrize(("runs", "code"), [(5, 0), (6, 1)])
+def test_equal_runs_count_once(tmp_path: Path, runs: int, code: int) -> None:
+    """Each of 24 runs twice: 10 new labels are those of 5 runs, which chance explains."""
+    stores = dict[str, Path]()
+    for scene in "ab":
+        given = seeded(scene, seeds=6)
+        for place, run in enumerate(given.runs if scene == "b" else ()):
+            if int(run.trajectory_hash or "", 16) < runs:
+                given.label(place, "chatter")
+        stores[scene] = write(tmp_path / scene, given)
+    report = compare_stores(stores["a"], stores["b"])
+    assert (report.judge, report.pairs.paired, report.exit_code) == ("spread", 48, code)
+    (found,) = (each for each in report.findings if each.name == "no more chatter")
+    assert found.message.startswith(f"{runs} of 24 runs newly chatter, 0 no longer: ")
+
+
+def test_repeats_of_few_runs_do_not_make_many(tmp_path: Path) -> None:
+    one, other = (write(tmp_path / scene, seeded(scene, seeds=6, moved=1)) for scene in "ab")
+    assert compare_stores(one, other).judge == "each"
 
 
 @pytest.mark.parametrize(("shift", "code"), [(1.0, 0), (1.05, 1)])

@@ -102,8 +102,9 @@ def compare_stores(
             )
         after = candidate_opened.result()
     policy, pairing = match_runs(before, after, policy)
-    policy = choose_judge(before, after, len(pairing.baseline), policy)
     paired = PairedStores(before, after, pairing, policy, today or date.today())  # noqa: DTZ011
+    policy = choose_judge(paired)
+    paired = replace(paired, policy=policy)
     check_names(
         policy, {**before.columns.metric_columns, **after.columns.metric_columns}, paired.ranks
     )
@@ -203,20 +204,19 @@ def unreadable_report(error: ContactlabError, policy: ComparePolicy) -> Comparis
     )
 
 
-def choose_judge(
-    baseline: Store, candidate: Store, pairs: int, policy: ComparePolicy
-) -> ComparePolicy:
+def choose_judge(paired: PairedStores) -> ComparePolicy:
     """Return a policy that says whether each pair of runs is judged, or all together.
 
     A changed model is judged by all pairs together if these are enough to show a change of all.
-    With fewer, no change at all would be shown.
+    With fewer, no change at all would be shown. Equal runs count once.
     """
-    judge = policy.judge
+    baseline, candidate, judge = paired.baseline, paired.candidate, paired.policy.judge
     if judge == "auto":
         metrics = len({**baseline.columns.metric_columns, **candidate.columns.metric_columns})
         changed = find_difference(baseline, candidate, "scene_hash") is not None
-        judge = "spread" if changed and pairs >= pairs_to_tell(metrics) else "each"
-    return policy.model_copy(update={"judge": judge})
+        enough = changed and len(np.unique(paired.trajectories)) >= pairs_to_tell(metrics)
+        judge = "spread" if enough else "each"
+    return paired.policy.model_copy(update={"judge": judge})
 
 
 def match_runs(

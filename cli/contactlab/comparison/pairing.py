@@ -285,6 +285,31 @@ class PairedStores:
         return (before == after) & (before != b"")
 
     @cached_property
+    def trajectories(self) -> Keys:
+        """(n,) a number for each pair, equal where both trajectories are, bit for bit.
+
+        Runs of settings without effect, or of seeds without noise, tell the same twice.
+        """
+        both = np.zeros(len(self.pairing.baseline), np.int64)
+        for store, rows in self.sides:
+            hashes = store.columns.byte_strings("trajectory_hash")[rows]
+            values, codes = np.unique(hashes, return_inverse=True)
+            is_unknown = values[codes] == b""
+            codes = np.where(is_unknown, len(values) + np.arange(len(codes)), codes)
+            both = np.unique(both * (2 * len(codes) + 1) + codes, return_inverse=True)[1]
+        return both
+
+    def select_once(self, member: Mask, *values: NDArray[np.generic]) -> Mask:
+        """Return the pairs of a group (n,), those with equal trajectories and values once."""
+        keys = np.stack(
+            [self.trajectories, *(np.unique(one, return_inverse=True)[1] for one in values)]
+        )
+        rows = np.flatnonzero(member)
+        once = np.zeros(len(member), np.bool_)
+        once[rows[np.unique(keys[:, rows], axis=1, return_index=True)[1]]] = True
+        return once
+
+    @cached_property
     def knife_edges(self) -> tuple[Mask, Mask]:
         """(n,) which runs of each store are on a knife edge, by a sweep that looked for them."""
         before, after = (

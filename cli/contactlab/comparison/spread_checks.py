@@ -47,7 +47,8 @@ def spread_label_checks(labels: PairLabels) -> Iterator[Finding]:
     for rank, label in enumerate(paired.ranks[:-1]):
         gained = (labels.gained >> rank & 1 == 1) & ~labels.is_allowed
         lost = labels.lost >> rank & 1 == 1
-        for group, member in groups:
+        for group, whole in groups:
+            member = paired.select_once(whole, gained, lost)
             subject = Subject(f"no more {label}", "labels", rules.level, group)
             changes = gained & member, lost & member
             yield _share_finding(subject, *changes, int(member.sum()), label, sure)
@@ -109,7 +110,9 @@ def spread_metric_checks(paired: PairedStores) -> Iterator[Finding]:
             if reason:
                 yield subject.make_skipped(reason)
                 continue
-            rows = np.flatnonzero(member)
+            rows = np.flatnonzero(
+                paired.select_once(member, *(column.values for column in columns))
+            )
             before, after = (column.at(rows) for column in columns)
             finding = spread_finding(subject, rule, before, after, sure)
             new, is_gone = after.valid & ~before.valid, before.valid & ~after.valid
