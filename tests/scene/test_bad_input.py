@@ -1,5 +1,6 @@
 """Whatever is wrong with a scene is a SceneError that names the file and the thing."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -151,6 +152,55 @@ def test_model(case: str, tmp_path: Path) -> None:
     message = str(caught.value)
     assert str(tmp_path / "robot.xml") in message
     assert [word for word in words if word not in message] == []
+
+
+BODY = "<worldbody><body name='b'>{}<geom size='.1'/></body></worldbody>"
+
+
+@pytest.mark.skipif(not hasattr(mujoco.MjModel, "nactuator"), reason="3 read some")
+@pytest.mark.parametrize(
+    ("old", "version", "new"),
+    [
+        ("<option mpr_iterations='9'/>", "3.2.3", "<option ccd_iterations='9'/>"),
+        ("<option mpr_tolerance='1e-6'/>", "3.2.3", "<option ccd_tolerance='1e-6'/>"),
+        ("<option collision='all'/>", "3.0.0", ""),
+        ("<option apirate='9'/>", "3.3.7", ""),
+        ("<compiler convexhull='true'/>", "3.2.5", ""),
+        (
+            "<option><flag passive='disable'/></option>",
+            "3.3.6",
+            "<option><flag spring='disable' damper='disable'/></option>",
+        ),
+        (
+            BODY.format("<joint actuatorforcerange='-1 1'/>"),
+            "3.0.0",
+            BODY.format("<joint actuatorfrcrange='-1 1'/>"),
+        ),
+        (
+            BODY.format("<camera orthographic='true'/>"),
+            "3.5.0",
+            BODY.format("<camera projection='orthographic'/>"),
+        ),
+        (
+            BODY.format("<composite type='cable' count='9 1 1' size='1'/>"),
+            "4.0.0",
+            BODY.format(
+                "<flexcomp name='a' dim='1' type='grid' count='9 1 1' spacing='.1 .1 .1' mass='1'>"
+                "<elasticity young='1e6' poisson='0'/></flexcomp>"
+            ),
+        ),
+    ],
+)
+def test_what_mujoco_removed_has_a_correction_that_compiles(
+    old: str, version: str, new: str, tmp_path: Path
+) -> None:
+    model = tmp_path / "robot.xml"
+    model.write_text(f"<mujoco>{old}</mujoco>")
+    with pytest.raises(SceneError, match=f"MuJoCo {version} removed") as caught:
+        Scene.open("robot.xml", tmp_path)
+    written = re.findall(r"\w+", str(caught.value).partition(f"{version} removed")[2])
+    assert set(re.findall(r"\w+", new.replace(BODY.format(""), ""))) & {*written} or not new
+    mujoco.MjModel.from_xml_string(f"<mujoco>{new}</mujoco>")
 
 
 def test_a_manifest_that_is_no_text(tmp_path: Path) -> None:

@@ -19,6 +19,25 @@ _ELEMENT_NAME = re.compile(r"Element name '([^']*)'")
 _SCHEMA_ELEMENT = re.compile(r"^( *)(?:\(world\))?(\w+) \(.\)\s+(.*)$")
 _ATTRIBUTE_WITH_VALUE = r"""(\w+)\s*=\s*["'](?:[^"']*\s)?{}(?:\s[^"']*)?["']"""
 _URDF_JOINTS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+# Elements, and attributes of elements, that MuJoCo read before a version, and the correction. Its
+# changelog is the source.
+_OMIT = "omit it, since it has no effect"
+_REMOVED_NAMES = {
+    ("composite", ""): ("4.0.0", 'write <flexcomp dim="1"> with <elasticity>'),
+    ("flexvert", ""): ("4.0.0", "write <elasticity> in the <flex>"),
+    ("contact", "internal"): ("3.15.0", "omit it, or write selfcollide"),
+    ("camera", "orthographic"): ("3.5.0", 'write projection="orthographic" for "true"'),
+    ("option", "apirate"): ("3.3.7", _OMIT),
+    ("flag", "passive"): ("3.3.6", "write it as spring and as damper"),
+    ("compiler", "exactmeshinertia"): ("3.2.5", 'write inertia="exact" in each <mesh> for "true"'),
+    ("compiler", "convexhull"): ("3.2.5", _OMIT),
+    ("option", "mpr_iterations"): ("3.2.3", "write it as ccd_iterations"),
+    ("option", "mpr_tolerance"): ("3.2.3", "write it as ccd_tolerance"),
+    ("flag", "sensornoise"): ("3.1.4", "omit it; your program adds the noise"),
+    ("joint", "actuatorforcerange"): ("3.0.0", "write it as actuatorfrcrange"),
+    ("joint", "actuatorforcelimited"): ("3.0.0", "write it as actuatorfrclimited"),
+    ("option", "collision"): ("3.0.0", "omit it; contype and conaffinity choose the pairs"),
+}
 _SYMBOL_VALUES = {"mjMINVAL": f"{mujoco.mjMINVAL:g}", "mjMAXVAL": "1e10"}
 
 
@@ -67,14 +86,24 @@ def _enum_keywords() -> frozenset[str]:
     return frozenset(name.rpartition("_")[2].lower() for name in members)
 
 
+def _removal_text(element: str, attribute: str = "") -> str:
+    version, correction = _REMOVED_NAMES.get((element, attribute), ("", ""))
+    name = f"'{attribute}' of <{element}>" if attribute else f"<{element}>"
+    return f"MuJoCo {version} removed {name}: {correction}" if version else ""
+
+
 def _unknown_element_text(_: re.Match[str], element: str, model: Path) -> str:
     del model
+    if removal := _removal_text(element):
+        return removal
     hint = did_you_mean(element, _mjcf_schema()) or "; see MuJoCo's XML reference for all elements"
     return f"there is no element <{element}> here{hint}"
 
 
 def _unknown_attribute_text(match: re.Match[str], element: str, model: Path) -> str:
     del model
+    if removal := _removal_text(element, match[1]):
+        return removal
     places = _mjcf_schema().get(element, {})
     if others := [outer for outer, names in places.items() if match[1] in names]:
         # The line's own place is another one.
