@@ -1,11 +1,16 @@
 """Servos, suction cups, wheels and bodies that do nothing, by closed forms of their weight."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
+import mujoco
 import pytest
 from tests.studies.test_design_causes import motion_of
 
 import contactlab
+from contactlab.budget import Motion
+from contactlab.studies.examine import undone_designs
+from contactlab.studies.examine.standing_starts import step_first_seed
 from contactlab.studies.examine.undone_designs import TaskEnds, list_idle_facts, list_undone_designs
 
 HOIST = """<mujoco><worldbody><geom type="plane" size="2 2 .1"/>
@@ -154,10 +159,21 @@ def test_a_cup_that_lets_go_fails_by_its_design(pull: float, verdict: str, tmp_p
 
 
 @pytest.mark.long
-def test_a_hoist_that_stalls_is_told_before_all_else(tmp_path: Path) -> None:
+def test_a_hoist_that_stalls_is_told_before_all_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its rest is run once for causes and facts, and once more without its weight."""
+    weights = list[float]()
+
+    def step_counted(motion: Motion, data: mujoco.MjData) -> Iterator[int]:
+        weights.append(float(motion.model.opt.gravity[2]))
+        return step_first_seed(motion, data)
+
+    monkeypatch.setattr(undone_designs, "step_first_seed", step_counted)
     path = tmp_path / "hoist.xml"
     path.write_text(HOIST.format(newtons=90), encoding="utf-8")
     sections = ["labels", "budget", "facts"]
     report = contactlab.examine(path, section=sections, drive="none", duration="3 s")
     assert report.passed
     assert report.why[0].startswith("the servo of mast rests")
+    assert weights == [-9.81, 0.0]
