@@ -6,6 +6,7 @@ the direction of reading; commands of a CI job, which are lines of its log; mark
 
 import re
 import shlex
+import warnings
 from collections.abc import Callable, Sequence
 
 # All control characters but tabs and line ends, marks of direction, other line ends, surrogates.
@@ -29,6 +30,11 @@ def visible_or_other(value: object) -> object:
 def visible(text: str) -> str:
     r"""Return text with control characters written out, as in JSON: `\u001b`."""
     return _CONTROL.sub(_escape_character, text)
+
+
+def shorten_warnings() -> None:
+    """Print Python's warnings as text in one line, without lines of source."""
+    warnings.formatwarning = lambda message, *_: f"warning: {in_one_line(str(message))}\n"
 
 
 def printable(text: str) -> str:

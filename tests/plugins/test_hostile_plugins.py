@@ -51,6 +51,7 @@ def plug_in(folder: Path, body: str, rest: str = "", workers: int = 0, name: str
         ("context.trace.qpos[:] = 0", "ValueError: assignment destination is read-only"),
         ("context.trace.pairs[0].slots[:] = 0", "ValueError: assignment destination is read-only"),
         ("context.net.series.normal[:] = 0", "read-only"),
+        ("return [1j, 2j]", "ValueError: it returns complex numbers"),
     ],
 )
 def test_an_error_of_any_kind_makes_a_run_invalid(tmp_path: Path, body: str, said: str) -> None:
@@ -81,6 +82,13 @@ def test_a_metric_has_no_name_of_another_column(tmp_path: Path, name: str) -> No
     load(tmp_path, "own.py")
     with pytest.raises(PluginError, match=f"'{name}' is the name of a column"):
         sweep(tmp_path, text=SWEEP.format(rest=""))
+
+
+def test_a_metric_is_not_a_coroutine(tmp_path: Path) -> None:
+    text = METRIC.format(body="return 1").replace("\ndef ", "\nasync def ")
+    (tmp_path / "own.py").write_text(text)
+    with pytest.raises(PluginError, match="`async def`; write `def`"):
+        load(tmp_path, "own.py")
 
 
 def test_a_label_of_no_run_is_an_error(tmp_path: Path) -> None:
@@ -136,13 +144,17 @@ def test_code_that_changes_the_folder_loses_no_trace(
 
 @pytest.mark.long
 def test_what_a_plugin_prints_in_a_worker_is_text(tmp_path: Path) -> None:
-    body = METRIC.format(body=PRINTS.replace("\n", "\n    "))
+    warn = "import warnings\nwarnings.warn('::error::late\\\\n', stacklevel=1)\n"
+    body = METRIC.format(body=(warn + PRINTS).replace("\n", "\n    "))
     (tmp_path / "own.py").write_text(f"print('::error::loads')\n{body}")
     (tmp_path / "sweep.yaml").write_text(SWEEP.format(rest=""))
     command = [sys.executable, "-m", "contactlab", "sweep", "sweep.yaml", "--plugin", "own.py"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
     check_printed(done.stdout, done.stderr)
     assert r"\u003a:error::loads" in done.stderr
+    # Without the line of its source.
+    assert "warning: " in done.stderr
+    assert "warnings.warn(" not in done.stderr
 
 
 @pytest.mark.long

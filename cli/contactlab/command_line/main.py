@@ -5,7 +5,6 @@ import inspect
 import os
 import sys
 import traceback
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -28,7 +27,7 @@ from contactlab.errors import (
     in_one_line,
 )
 from contactlab.printable import in_one_line as in_one_line_of
-from contactlab.printable import printable
+from contactlab.printable import printable, shorten_warnings
 from contactlab.resources import open_file_limit
 
 _HELP = ("-h", "--help")
@@ -176,7 +175,7 @@ def main() -> None:
     """Run the command line; an error that the user can act on is printed as one message."""
     # Processes that this one starts, or its libraries, import nothing of the current folder.
     os.environ["PYTHONSAFEPATH"] = "1"
-    warnings.formatwarning = lambda message, *_: f"warning: {printable(str(message))}\n"
+    shorten_warnings()
     try:
         _check_surroundings(sys.argv[1:])
         sys.exit(_run_words(complete_words(sys.argv[1:])))

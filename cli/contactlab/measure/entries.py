@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from inspect import cleandoc
+from inspect import cleandoc, iscoroutinefunction
 from typing import Literal, NamedTuple, TypedDict, Unpack
 
 import numpy as np
@@ -93,7 +93,10 @@ class Metric:
         """Return (n,) values, 0 below the resolution, NaN for runs without a single step."""
         if context.trace.steps == 0:
             return context.undefined()
-        values = np.asarray(self.function(context), dtype=np.float64)
+        returned = self.function(context)
+        if np.iscomplexobj(returned):
+            raise ValueError("it returns complex numbers")
+        values = np.asarray(returned, dtype=np.float64)
         if values.shape != (context.trace.runs,):
             raise ValueError(f"it returns shape {values.shape} for {context.trace.runs} runs")
         return np.where(np.abs(values) < self.resolution, 0, values) if self.resolution else values
@@ -410,6 +413,8 @@ def oracle(
 
 def _definition_in_docstring(function: Callable[..., object]) -> str:
     """Return a function's docstring in one paragraph; `python -OO` removes it."""
+    if iscoroutinefunction(function):
+        raise PluginError(f"'{function.__name__}' is declared by `async def`; write `def`")
     text = " ".join(cleandoc(function.__doc__ or "").split())
     if not text and sys.flags.optimize < 2:
         raise PluginError(f"'{function.__name__}' has no docstring; write its definition there")

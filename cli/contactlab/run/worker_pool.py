@@ -31,6 +31,7 @@ from contactlab.errors import (
     in_one_line,
 )
 from contactlab.foreign_code import PrintedFile, ends_command, printed_as_text
+from contactlab.printable import shorten_warnings
 from contactlab.run.fork_server import CONTEXT, STOP_SIGNALS, signals_blocked, start_process
 from contactlab.run.tasks import CrashedJob, Job, Result, Stop, Task
 from contactlab.run.worker import Worker
@@ -227,6 +228,7 @@ def _serve_jobs(task: Task, pipe: Connection, marker: Path, environment: dict[st
     its own start. The marker gets a traceback when a run times out.
     """
     os.environ.update(environment)
+    shorten_warnings()
     signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
     # This process ends as soon as its parent (not the fork server) has ended.
     parent = multiprocessing.parent_process()
