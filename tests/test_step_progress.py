@@ -57,6 +57,13 @@ def test_a_lost_interruption_ends_the_next_step() -> None:
     assert seen == [0, 1, 2, 3]
 
 
+def test_a_lost_interruption_ends_new_work_at_its_start() -> None:
+    with listening_to_steps(lambda _: None):
+        interrupt_steps()
+        with pytest.raises(KeyboardInterrupt):
+            list(count_steps("abc", "letters", 3))
+
+
 def test_counts_that_are_read_in_turns_end_in_any_order() -> None:
     """Two films side by side: the first generator ends before the second, with equal counts."""
     seen = list[list[str]]()

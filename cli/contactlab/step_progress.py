@@ -43,8 +43,14 @@ class _Counts:
         self._listener = listener
 
     def call_listener(self) -> None:
-        """Call the listener."""
+        """Call the listener.
+
+        Raises:
+            KeyboardInterrupt: an interruption got lost.
+        """
         self._listener(self.nested)
+        if self.is_interrupted:
+            raise KeyboardInterrupt
 
 
 _current: ContextVar[_Counts | None] = ContextVar("step_counts", default=None)
@@ -68,8 +74,8 @@ def step_count(name: str, total: float, *, is_named: bool = False) -> Generator[
         yield own
         return
     counts.nested.append(own)
-    counts.call_listener()
     try:
+        counts.call_listener()
         yield own
     finally:
         # Generators that are read in turns end in any order, and an outer count ends inner ones.
@@ -83,8 +89,6 @@ def finish_step(count: StepCount, steps: float = 1.0) -> None:
     count.finished_steps += steps
     if counts := _current.get():
         counts.call_listener()
-        if counts.is_interrupted:
-            raise KeyboardInterrupt
 
 
 def interrupt_steps() -> None:

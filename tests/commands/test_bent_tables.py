@@ -61,6 +61,7 @@ BENDS: dict[str, Bend] = {
     "settings are a map": replaced("settings", pa.map_(pa.string(), pa.float64()), [("x", 1.0)]),
     "steps are real": replaced("steps", pa.float64(), 1.5),
     "index is text": replaced("index", pa.string(), "first"),
+    "without rows": lambda table: table.slice(0, 0),
 }
 
 

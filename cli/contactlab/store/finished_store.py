@@ -146,7 +146,9 @@ class Store:
         return store
 
     def find_miscounts(self) -> Iterator[str]:
-        """Yield the counts of the manifest that differ from those of the table."""
+        """Yield the counts of the manifest that no store has, or that differ from the table's."""
+        if self.manifest.runs < 1:
+            yield f"runs is {self.manifest.runs}, but a store has some"
         for name, count in count_outcomes(self.columns.iterate_batches(OUTCOME_COLUMNS)).items():
             if (stated_count := getattr(self.manifest, name)) != count:
                 yield f"{name} is {stated_count}, but {TABLE} has {count}"

@@ -120,7 +120,7 @@ def _scene_findings(source: SceneSource, model: str) -> Iterator[PlacedFinding]:
             but = read_ignored_rules(linted.source)
             findings = [
                 _make_finding(declared, fault, linted, but)
-                for declared in RULES.values()
+                for declared in count_steps(RULES.values(), "rules", len(RULES))
                 if linted.compiled is not None or declared.of_refused
                 for fault in declared.function(linted)
             ]
