@@ -130,6 +130,12 @@ class UnheldWarning(ModelWarning):
     """Warning of parts that a drive which holds a model cannot hold."""
 
 
+def check_digits(text: str) -> None:
+    """Raise a ValueError for a number with other digits than 0 to 9, which Python would read."""
+    if not text.isascii() or "_" in text:
+        raise ValueError(f"write a number with the digits 0 to 9, not {text!r}")
+
+
 def suggestion(name: str, known_names: Iterable[str], alike: float = 0.6) -> str:
     """Return "did you mean 'x'?" for the closest known name, or an empty string.
 

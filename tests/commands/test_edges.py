@@ -142,3 +142,11 @@ def test_a_loop_of_links_is_named(contactlab: Run, tmp_path: Path, drive: str) -
     code, _, err = contactlab("sweep", "small.yaml", "--allow-code")
     assert code == 2
     assert "loop" in err
+
+
+@pytest.mark.parametrize("option", ["--limit", "--workers"])
+def test_options_have_plain_digits(
+    contactlab: Callable[..., tuple[int, str, str]], option: str
+) -> None:
+    code, _, err = contactlab("sweep", "bounce", "--plan", option, "\uff12")
+    assert (code, "write a whole number" in err) == (2, True), err

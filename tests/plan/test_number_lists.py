@@ -5,7 +5,7 @@ from collections.abc import Callable
 from unittest.mock import patch
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contactlab.plan import number_lists
@@ -67,6 +67,7 @@ def read_with(least: float, read: Callable[[], Document]) -> Document:
         return read()
 
 
+@settings(max_examples=60)
 @given(st.sampled_from(PLACES), draw_list(), draw_list())
 def test_it_is_what_the_parser_reads(place: str, one: str, other: str) -> None:
     text = place.format(one, other)

@@ -13,7 +13,7 @@ import typer
 from contactlab.command_line.declaration import Argument, Arguments, Command, Option, Parameter
 from contactlab.command_line.surroundings import within
 from contactlab.command_line.terminal import Terminal, notice, say
-from contactlab.errors import CommandLineError, StoppedError, suggestion
+from contactlab.errors import CommandLineError, StoppedError, check_digits, suggestion
 
 _FORMAT, _CONTEXT = "format", "context"
 # The parser's words for mistakes that have no class of their own.
@@ -151,6 +151,8 @@ def _number_of(name: str, least: float | None, *, whole: bool) -> Callable[[Any]
 
     def read(text: Any) -> float:  # noqa: ANN401 - a default is a number already
         try:
+            if isinstance(text, str):
+                check_digits(text)
             value = int(text) if whole else float(text)
         except ValueError:
             value = math.nan

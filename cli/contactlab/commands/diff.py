@@ -37,11 +37,12 @@ def diff(
         SceneError: there is no such model, or it does not compile.
         SweepFileError: the tolerance is not a share.
     """
+    from contactlab.schema.setting_values import parse_decimal
     from contactlab.studies.diff.compare_models import diff_models
 
     text = str(tolerance)
     try:
-        share = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+        share = parse_decimal(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
     except ValueError:
         share = -1.0
     if not 0 <= share < float("inf"):

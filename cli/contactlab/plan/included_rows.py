@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from contactlab.errors import SweepFileError
@@ -10,6 +11,7 @@ from contactlab.plan.grid import RowValues
 from contactlab.plan.names import check_axis, check_conflicts
 from contactlab.plan.rows import SweepContext
 from contactlab.plan.yaml_document import Document, read_text
+from contactlab.schema.setting_values import parse_decimal
 from contactlab.schema.sweep_schema import IncludeFile
 
 # One cell and its end: a quoted text with "" for each quote, or a text without commas.
@@ -79,7 +81,7 @@ def _table_rows(context: SweepContext, source: SourceText) -> Iterator[RowValues
             document.add_mistake("bad-table", place, message, "quote a cell that holds a comma")
             continue
         row = {
-            name: context.canonical_value(name, _parse_cell(text), place)
+            name: context.canonical_value(name, parse_cell(text), place)
             for (name, _), (text, place) in zip(header, cells, strict=True)
             if text
         }
@@ -99,12 +101,11 @@ def _read_cells(source: SourceText, number: int) -> Iterator[tuple[str, Place]]:
     yield line[start:], Place(source, number, start + 1, max(len(line) - start, 1))
 
 
-def _parse_cell(text: str) -> object:
+def parse_cell(text: str) -> object:
+    """Return the number, true, false or the word in a cell."""
     if text.lower() in {"true", "false"}:
         return text.lower() == "true"
-    for parse_number in (int, float):
-        try:
-            return parse_number(text)
-        except ValueError:
-            continue
+    with suppress(ValueError):
+        number = parse_decimal(text)
+        return int(text) if text.lstrip("+-").isdigit() else number
     return text

@@ -8,6 +8,8 @@ import re
 from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 
+from contactlab.errors import check_digits
+
 Settings = dict[str, object]
 """Every setting of a model or a run, by name, in the units of the parameters.
 
@@ -144,8 +146,7 @@ MEASURED_TEXT = re.compile(rf"([-+]?\d*\.?\d+(?:e[-+]?\d+)?)\s*({'|'.join(SI_UNI
 
 def parse_decimal(text: str) -> float:
     """Return the number of a text with the digits 0 to 9; Python would read others, too."""
-    if not text.isascii() or "_" in text:
-        raise ValueError(f"write a number with the digits 0 to 9, not {text!r}")
+    check_digits(text)
     return float(text)
 
 

@@ -12,6 +12,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from contactlab.errors import SceneError
+from contactlab.schema.setting_values import parse_decimal
 from contactlab.store.table_bounds import (
     check_archive,
     check_arrow,
@@ -68,7 +69,7 @@ def _read_csv(path: Path) -> Columns:
 def _number_or_nan(cell: str) -> float:
     """Return the number in a cell, or NaN: unused columns may contain words."""
     try:
-        return float(cell)
+        return parse_decimal(cell)
     except ValueError:
         return np.nan
 
@@ -109,7 +110,10 @@ def _split_vectors(arrays: Mapping[str, object]) -> Columns:
     """Return columns of numbers; vectors are split."""
     columns: Columns = {}
     for name, values in arrays.items():
-        array = np.asarray(values, np.float64)
+        plain = np.asarray(values)
+        if np.iscomplexobj(plain):
+            raise ValueError(f"`{name}` has complex numbers")
+        array = plain.astype(np.float64)
         if array.ndim == 2:
             columns |= {f"{name}[{k}]": array[:, k] for k in range(array.shape[1])}
         elif array.ndim == 1:

@@ -9,7 +9,7 @@ from contactlab.mjcf import AT_REST
 from contactlab.numerical_tolerance import SUM_ROUNDING
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.schema.examination import RestingContact
-from contactlab.schema.setting_values import without_unit
+from contactlab.schema.setting_values import parse_decimal, without_unit
 from contactlab.studies.examine.resting_contacts import RestingPair, resting_contacts, resting_pairs
 from contactlab.tasks.checked_model import CheckedModel, open_model
 from contactlab.tasks.session import Session
@@ -23,7 +23,7 @@ def read_values(assigned: Mapping[str, str]) -> dict[str, float]:
     for name, text in assigned.items():
         unit, most = VALUES[name], 1 if name == "restitution" else 1e300
         try:
-            words[name] = (without_unit(text, unit) if unit else None) or float(text)
+            words[name] = (without_unit(text, unit) if unit else None) or parse_decimal(text)
         except ValueError:
             words[name] = math.nan
         if not 0 < words[name] <= most:
