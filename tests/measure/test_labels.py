@@ -214,6 +214,18 @@ class TestTunneling:
         assert found.label == "tunneling"
         assert found.reason.endswith(f"; cause: {cause} (numerical error {share:g} % in {body})")
 
+    def test_its_cause_may_be_the_numerics_of_a_body_that_touched_it(
+        self, trace_of: Any, setup_of: Any, pair_of: Any, checks_of: Any
+    ) -> None:
+        for touches in (0.0, 1.0):
+            trace, setup = self.crossing(trace_of, setup_of, pair_of, contact={"normal": touches})
+            checks = checks_of(100, backward=0.3)
+            errors = ("b", 0.3), ("ball", 0.01)
+            checks = replace(checks, backward=(checks.backward[0]._replace(errors=errors),))
+            setup = replace(setup, sides=(("ball", "b"),))
+            reason = assess_runs(trace, setup, checks).labels[0][0].reason
+            assert ("cause: the numerics" in reason) == bool(touches)
+
     def test_a_plate_is_where_it_is(self, trace_of: Any, setup_of: Any, pair_of: Any) -> None:
         z = np.linspace(3, 1, 101) + 0.01
         for height, label in ((2.0, "tunneling"), (0.5, "stable"), (-2.0, "stable")):

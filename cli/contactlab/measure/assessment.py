@@ -151,17 +151,26 @@ def _measure_metric(metric: Metric, context: Context, failures: Failures) -> Flo
 def _add_causes(context: Context, run: int, labels: list[AppliedLabel]) -> Iterator[AppliedLabel]:
     """Yield labels of a run; those that may be numerical get their cause in the reason.
 
-    It is judged by the numerical error of the bodies of the label: another body's says nothing.
+    It is judged by the numerical error of the label's bodies and those that touched them: a wrong
+    force on one is a wrong force on the other, but the error of a body elsewhere says nothing.
     """
     traced = labels_with("numerical")
     for label in labels:
         if resolved_runs(context) is None or label.label not in traced:
             yield label
         else:
-            is_of_model = is_resolved(context, run, label.bodies)
+            bodies = {*label.bodies, *_find_touched(context, run, label.bodies)}
+            is_of_model = is_resolved(context, run, bodies)
             cause = "cause: the model" if is_of_model else NUMERICAL_CAUSE
-            error = numerical_error_text(context, run, label.bodies)
+            error = numerical_error_text(context, run, bodies)
             yield label._replace(reason=f"{label.reason}; {cause} ({error})")
+
+
+def _find_touched(context: Context, run: int, bodies: Sequence[str]) -> Iterator[str]:
+    rows = context.pairs.rows.tolist()
+    for sides, row in zip(context.setup.sides, rows, strict=False):
+        if not {*sides}.isdisjoint(bodies) and context.net.found[row, run].any():
+            yield from sides
 
 
 def _measure_or_fail(
