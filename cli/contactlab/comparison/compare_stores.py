@@ -181,10 +181,7 @@ def _open_store(role: str, address: Address, *, thorough: bool) -> Store:
         raise StoreError(
             f"the {role} {address} is not sound: {first}{rest} (see `contactlab verify {address}`)"
         )
-    opened = Store.open_unchecked(address)
-    if opened.manifest.runs == 0:
-        raise StoreError(f"the {role} {address} is empty: it holds no runs")
-    return opened
+    return Store.open_unchecked(address)
 
 
 def unreadable_report(error: ContactlabError, policy: ComparePolicy) -> ComparisonReport:
