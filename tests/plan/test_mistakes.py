@@ -17,6 +17,7 @@ from contactlab.plan.grid import Plan
 from contactlab.plan.overrides import Overrides
 from contactlab.plan.sweep_file import read_sweep
 from contactlab.schema.sweep_schema import Sweep
+from contactlab.schema.vocabulary import Vocabulary
 
 Mistakes = Callable[..., list[tuple[str, str]]]
 
@@ -466,3 +467,19 @@ def test_close_names_are_searched_for_printed_mistakes_only(vocabulary: Any) -> 
         [True] * MOST_SHOWN_MISTAKES + [False] * 10
     )
     assert str(error).endswith("and 10 more")
+
+
+@pytest.mark.parametrize(
+    ("body", "name"),
+    [("axes: {sliding_friction: [1]}", "friction.slide"), ("axes: {frictoin: [1]}", "")],
+)
+def test_a_description_is_taken_for_a_name(vocabulary: Any, body: str, name: str) -> None:
+    """Output has descriptions, which users type; letters alone would suggest another name."""
+
+    def described(scene: str) -> Vocabulary:
+        names = vocabulary(scene)
+        axes = {axis: spec.description for axis in names.axes if (spec := names.find(axis))}
+        return replace(names, describe=lambda one: axes.get(one, ""))
+
+    (mistake,) = found(f"version: 1\nscene: ball\nduration: 1\n{body}\n", described).diagnostics
+    assert (mistake.hint == f"did you mean '{name}'?") == bool(name)

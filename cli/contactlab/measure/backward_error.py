@@ -20,6 +20,7 @@ from contactlab.measure.entries import (
     threshold_values,
 )
 from contactlab.rendering.amounts import format_amount, format_percent
+from contactlab.schema.comparison import MetricRule
 
 TOLERANCE = Threshold(
     "backward_error",
@@ -49,7 +50,8 @@ def backward_error(context: Context) -> Floats:
     return np.where(np.isinf(share), np.nan, share)
 
 
-@metric("s", kind="check")
+# Of two windows with almost equal errors, any change may move the largest to the other.
+@metric("s", kind="check", rule=MetricRule(level="note"))
 def backward_error_time(context: Context) -> Floats:
     """Start time of the window in which backward_error is largest."""
     return _error_field(context, "time")

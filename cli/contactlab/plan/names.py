@@ -10,7 +10,7 @@ from contactlab.expression import Expression, ExpressionError
 from contactlab.plan.diagnostics import MOST_SHOWN_MISTAKES, Place
 from contactlab.plan.grid import Match
 from contactlab.plan.rows import SweepContext
-from contactlab.plan.yaml_document import Document, KeyPath
+from contactlab.plan.yaml_document import KeyPath
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import ERRORS
 from contactlab.schema.sweep_schema import Condition, Sweep
@@ -52,7 +52,7 @@ def check_names(context: SweepContext) -> None:
             places[name] = place
     check_conflicts(context, places)
     # Tolerances are of metrics that the sweep measures.
-    _check_known_names(document, "metric", [*context.vocabulary.metrics, *ERRORS], ("tolerances",))
+    _check_known_names(context, "metric", [*context.vocabulary.metrics, *ERRORS], ("tolerances",))
     for name in document.mapping_at("tolerances"):
         if why := context.vocabulary.lacking.get(name):
             place = document.key_place(("tolerances", name))
@@ -63,15 +63,15 @@ def check_names(context: SweepContext) -> None:
             message = f"'{name}' is only measured if the sweep requests accuracy"
             place = document.key_place(("tolerances", name))
             document.add_mistake("not-asked", place, message, "add accuracy: {}")
-    _check_known_names(document, "threshold", vocabulary.thresholds, ("thresholds",))
+    _check_known_names(context, "threshold", vocabulary.thresholds, ("thresholds",))
     for index, expectation in enumerate(context.sweep.expect):
         path = context.entry_path("expect", index)
         for key in ("metrics", "mean"):
-            _check_known_names(document, "metric", vocabulary.metrics, (*path, key))
+            _check_known_names(context, "metric", vocabulary.metrics, (*path, key))
         for position, label in enumerate(expectation.label or ()):
             if label not in vocabulary.labels:
                 place = document.value_place((*path, "label", position))
-                _add_unknown_name(document, "label", label, place, vocabulary.labels)
+                _add_unknown_name(context, "label", label, place, vocabulary.labels)
         for position, text in enumerate(expectation.must):
             _check_requirement(context, text, (*path, "must", position))
     for index, text in enumerate(context.sweep.must):
@@ -91,7 +91,7 @@ def check_axis(context: SweepContext, name: str, place: Place, kind: str = "axis
             message, hint = f"unknown {kind} '{name}'", "controls belong to `drive` or a keyframe"
             context.document.add_mistake(f"unknown-{kind}", place, message, hint)
             return
-        _add_unknown_name(context.document, kind, name, place, offered_names)
+        _add_unknown_name(context, kind, name, place, offered_names)
 
 
 def check_conflicts(context: SweepContext, places: dict[str, Place]) -> None:
@@ -143,25 +143,35 @@ def _check_requirement(context: SweepContext, text: str, path: KeyPath) -> None:
 
 
 def _check_known_names(
-    document: Document, kind: str, known_names: Collection[str], path: KeyPath
+    context: SweepContext, kind: str, known_names: Collection[str], path: KeyPath
 ) -> None:
-    for name in document.mapping_at(*path):
+    for name in context.document.mapping_at(*path):
         if name not in known_names:
-            _add_unknown_name(document, kind, name, document.key_place((*path, name)), known_names)
+            place = context.document.key_place((*path, name))
+            _add_unknown_name(context, kind, name, place, known_names)
 
 
 def _add_unknown_name(
-    document: Document, kind: str, name: str, place: Place, known_names: Collection[str]
+    context: SweepContext, kind: str, name: str, place: Place, known_names: Collection[str]
 ) -> None:
+    document = context.document
     few = f"known: {', '.join(known_names)}" if 0 < len(known_names) <= 12 else ""
     # A search for a close name takes long, and further mistakes are not printed.
     is_shown = len(document.mistakes) < MOST_SHOWN_MISTAKES
     hint = (
-        (is_shown and suggestion(name, known_names))
+        (is_shown and _suggest_name(context, name, known_names))
         or few
         or f"`contactlab {_LIST_COMMANDS.get(kind, 'list')}` has all"
     )
     document.add_mistake(f"unknown-{kind}", place, f"unknown {kind} '{name}'", hint)
+
+
+def _suggest_name(context: SweepContext, name: str, known_names: Collection[str]) -> str:
+    # What is printed are descriptions, so that their first words are typed as names.
+    words = name.replace("_", " ").casefold()
+    describe = context.vocabulary.describe
+    meant = [one for one in known_names if describe(one).casefold().startswith(words)]
+    return f"did you mean '{meant[0]}'?" if len(meant) == 1 else suggestion(name, known_names)
 
 
 def read_condition(

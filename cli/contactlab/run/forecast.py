@@ -142,9 +142,9 @@ def forecast_sweep(request: SweepRequest) -> SweepForecast:
         trace=sweep.trace,
         trace_format=sweep.trace_format,
         warnings=(
+            *question_units(plan.axes, scene),  # first, since it may explain the others
             *_forecast_warnings(plan, scene, len(index), sums),
             *([] if scene.source.environment else _overlap_warnings(scene, sums.sampled)),
-            *question_units(plan.axes, scene),
             *(
                 f"{share}: {describe_met_advisory(each)}"
                 for each, share in find_sweep_advisories(index, scene)

@@ -199,6 +199,12 @@ class SceneLoader:
                 return None
             return scene.catalogue.find_axis(name, lenient=lenient)
 
+        def describe_name(name: str) -> str:
+            if name in METRICS:
+                return METRICS[name].definition
+            axis = find_axis(name)
+            return axis.description if axis else ""
+
         def broken(text: str, duration: float | None) -> str | None:
             most = duration or self.open(reference).duration
             return mistake_in_requirement(text, scene.base({}), scene.source.manifest, most)
@@ -224,6 +230,7 @@ class SceneLoader:
             asks=bool(manifest and manifest.must),
             mistake_in_requirement=broken,
             mistake_in_drive=check_drive,
+            describe=describe_name,
             coordinates=[
                 name for name in scene.catalogue.coordinate_names if name not in reserved_names
             ],

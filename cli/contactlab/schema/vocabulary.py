@@ -68,6 +68,8 @@ class Vocabulary:
     """Units of metrics and thresholds, by name."""
     lacking: Mapping[str, str] = field(default_factory=dict[str, str])
     """Metrics that no run of the scene has, and why."""
+    describe: Callable[[str], str] = str
+    """Returns the description of a metric or an axis; by default, its name."""
     coordinates: Sequence[str] = ()
     """Axes that set a coordinate or velocity of the start; suggested, but not listed."""
     asks: bool = False
