@@ -13,6 +13,7 @@ from tests.studies.lint.conftest import Linted, only, rules_of
 
 from contactlab.scene.scene_source import find_scene
 from contactlab.schema.advisory import Advisory, AffectedReleases, Witness, Workaround
+from contactlab.schema.lint_report import LintReport
 from contactlab.studies.lint.linted_model import apply_edits, linted_model
 from contactlab.studies.lint.linting import lint
 from contactlab.studies.lint.rules import RULES
@@ -365,6 +366,20 @@ def _file(tmp_path: Path) -> None:
 @pytest.mark.parametrize("robot", [ROBOT, _URDF], ids=["mjcf", "urdf"])
 def test_clean_twins_have_nothing(linted: Linted, robot: str) -> None:
     assert rules_of(linted(robot)) <= {"inertia-shape"}  # a ball of 1 kg and 1 kg m^2, of a URDF
+
+
+def test_a_visual_copy_that_weighs_doubles_the_mass(linted: Linted) -> None:
+    """Of two equal boxes one is for the eye: the part weighs twice what one box does."""
+    box = '<geom name="{}" type="box" size=".02 .02 .02" {}/>'
+    seen = 'contype="0" conaffinity="0"'
+
+    def report_of(real: str, look: str) -> LintReport:
+        boxes = box.format("real", real) + box.format("look", f"{seen} {look}")
+        return linted(ROBOT.replace('<geom name="lower"', f'{boxes}<geom name="lower"'))
+
+    assert "0.064 of" in only(report_of("", ""), "visual-mass").message
+    for real, look in (("", 'mass="0"'), ("", 'pos=".05 0 0"'), ('mass="0"', "")):
+        assert "visual-mass" not in rules_of(report_of(real, look))
 
 
 @pytest.mark.parametrize("copy", ['contype="0" conaffinity="0"', 'pos="0 0 .001"'])

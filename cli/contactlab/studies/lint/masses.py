@@ -9,6 +9,7 @@ from mujoco._specs import MjsGeom
 from contactlab.scene.body_inertia import IMPOSSIBLE, in_words
 from contactlab.scene.compile_model import InertiaFault
 from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel
+from contactlab.studies.lint.overlaps import find_equal_places
 from contactlab.studies.lint.rules import rule
 
 
@@ -64,10 +65,10 @@ def find_odd_inertias(linted: LintedModel) -> Iterator[Fault]:
 
 @rule("visual-mass", "warn")
 def find_visual_masses(linted: LintedModel) -> Iterator[Fault]:
-    """Meshes that nothing can touch add to the mass of a body that has other geoms.
+    """Geoms that nothing can touch add to the mass of a body that has other geoms.
 
-    They have no written mass and add more than 2 %: the part counts twice, once at the density of
-    water. Fix: `mass="0"`.
+    They are meshes without a written mass or density, or fill the place of a geom that collides.
+    They add more than 2 %: the part counts twice. Fix: `mass="0"`.
     """
     if linted.is_urdf or not (visual := _visual_geoms(linted)):
         return
@@ -93,11 +94,11 @@ def find_visual_masses(linted: LintedModel) -> Iterator[Fault]:
     for geom in geoms:
         edits |= dict.fromkeys(linted.set("geom", geom, mass="0"))
     first = next((geom for geom in geoms if model.geom(geom).bodyid[0] == worst), geoms[0])
-    count = "a mesh" if len(geoms) == 1 else f"{len(geoms)} meshes"
+    count = "a geom" if len(geoms) == 1 else f"{len(geoms)} geoms"
     whole = float(model.body_mass[worst])
     yield Fault(
-        f"{added[heavy].sum():.3g} of {model.body_mass[moving].sum():.3g} kg that move are {count} "
-        f"that nothing can touch, at the density of water: most in body "
+        f"{added[heavy].sum():.3g} of {model.body_mass[moving].sum():.3g} kg that move belong to "
+        f"{count} that nothing can touch, so that a part counts twice: most in body "
         f"'{linted.name('body', worst)}', {added[worst]:.3g} of {whole:.3g} kg",
         linted.place("geom", first),
         tuple(edits),
@@ -105,7 +106,7 @@ def find_visual_masses(linted: LintedModel) -> Iterator[Fault]:
 
 
 def _visual_geoms(linted: LintedModel) -> list[str]:
-    """Return the visual meshes without a written mass or body inertia."""
+    # Visual meshes without a written mass, and visual copies, of bodies without a written inertia.
     spec = linted.spec
     pair_geoms = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
     always = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
@@ -116,15 +117,22 @@ def _visual_geoms(linted: LintedModel) -> list[str]:
     def weighs(geom: MjsGeom) -> bool:
         return geom.density > 0 if np.isnan(geom.mass) else geom.mass > 0
 
+    inferred = [body for body in spec.bodies[1:] if always or not body.explicitinertial]
+    heavy = [[geom for geom in body.geoms if weighs(geom)] for body in inferred]
+    doubled = [geoms for geoms in heavy if any(map(touches, geoms))]
+    seen = [geom for geoms in doubled for geom in geoms if not touches(geom)]
+    if not seen:
+        return []
+    compared = np.array([geom.id for geoms in doubled for geom in geoms])
+    copies = {geom for pair in find_equal_places(linted.model, compared) for geom in pair}
     water = 1000.0  # default density [kg/m^3]
     return [
         geom.name
-        for body in spec.bodies[1:]
-        if always or not body.explicitinertial
-        if any(touches(geom) and weighs(geom) for geom in body.geoms)
-        for geom in body.geoms
-        if not touches(geom)
-        and geom.type == mujoco.mjtGeom.mjGEOM_MESH
-        and np.isnan(geom.mass)
-        and geom.density == water
+        for geom in seen
+        if geom.id in copies
+        or (
+            geom.type == mujoco.mjtGeom.mjGEOM_MESH
+            and np.isnan(geom.mass)
+            and geom.density == water
+        )
     ]

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.rendering.amounts import format_others, format_percent
@@ -281,16 +282,27 @@ def find_doubled_geoms(linted: LintedModel) -> Iterator[Fault]:
 
 def find_coincident_geoms(model: mujoco.MjModel) -> list[tuple[int, int]]:
     """Return pairs of geoms of one rigid part that fill one place and collide with the same."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    parts = model.body_weldid[model.geom_bodyid]
     collides = (model.geom_contype | model.geom_conaffinity) != 0
-    others = np.bincount(parts[collides], minlength=model.nbody)[parts] > 1
-    solid = np.flatnonzero(collides & others & (parts > 0))
-    if not len(solid):
+    touch = touch_mask(model)
+    doubled = list[tuple[int, int]]()
+    for first, second in find_equal_places(model, np.flatnonzero(collides)):
+        is_new = all(first != copied for _, copied in doubled)
+        if is_new and (touch[first] & touch[second]).any():
+            doubled.append((first, second))
+    return doubled
+
+
+def find_equal_places(model: mujoco.MjModel, geoms: NDArray[np.int_]) -> list[tuple[int, int]]:
+    """Return pairs of some geoms (n,) of one rigid part that fill one place, in their order."""
+    parts = model.body_weldid[model.geom_bodyid]
+    counts = np.bincount(parts[geoms], minlength=model.nbody)
+    several = geoms[(counts[parts[geoms]] > 1) & (parts[geoms] > 0)]
+    if not len(several):
         return []
 
     # Boxes around the geoms, in the frames of their parts.
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
     turn = np.asarray(data.xmat)[parts].reshape(-1, 3, 3).transpose(0, 2, 1)
     own = turn @ np.asarray(data.geom_xmat).reshape(-1, 3, 3)
     offset = (turn @ (data.geom_xpos - data.xpos[parts])[..., None])[..., 0]
@@ -299,18 +311,14 @@ def find_coincident_geoms(model: mujoco.MjModel) -> list[tuple[int, int]]:
     lows, highs = center - half, center + half
 
     same_share = 0.01  # of the smallest side: difference of boxes around a copy and its original
-    touch = touch_mask(model)
-    doubled = list[tuple[int, int]]()
-    for place, first in enumerate(solid.tolist()):
-        if any(first == second for _, second in doubled):
-            continue
-        rest = solid[place + 1 :]
+    pairs = list[tuple[int, int]]()
+    for place, first in enumerate(several.tolist()):
+        rest = several[place + 1 :]
         rest = rest[parts[rest] == parts[first]]
         apart = np.maximum(np.abs(lows[rest] - lows[first]), np.abs(highs[rest] - highs[first]))
         alike = apart.max(axis=1, initial=0.0) <= same_share * (highs[first] - lows[first]).min()
-        shared = (touch[rest] & touch[first]).any(axis=1)
-        doubled += [(first, second) for second in rest[alike & shared].tolist()]
-    return doubled
+        pairs += [(first, second) for second in rest[alike].tolist()]
+    return pairs
 
 
 @rule("hull-fills-mesh", "note")
