@@ -50,7 +50,7 @@ def backward_error(context: Context) -> Floats:
     return np.where(np.isinf(share), np.nan, share)
 
 
-# Of two windows with almost equal errors, any change may move the largest to the other.
+# If two windows have almost equal errors, any change may move the largest to the other.
 @metric("s", kind="check", rule=MetricRule(level="note"))
 def backward_error_time(context: Context) -> Floats:
     """Start time of the window in which backward_error is largest."""

@@ -167,7 +167,7 @@ def _add_unknown_name(
 
 
 def _suggest_name(context: SweepContext, name: str, known_names: Collection[str]) -> str:
-    # What is printed are descriptions, so that their first words are typed as names.
+    # Output has descriptions, and users type their first words as names.
     words = name.replace("_", " ").casefold()
     describe = context.vocabulary.describe
     meant = [one for one in known_names if describe(one).casefold().startswith(words)]
