@@ -130,6 +130,19 @@ def test_nothing_differs_between_a_model_and_its_round_trip(tmp_path: Path) -> N
     assert list(find_differences(compiled(ROBOT), again)) == []
 
 
+@pytest.mark.parametrize("place", range(3))
+def test_one_number_of_a_friction_changes_by_its_own_share(place: int) -> None:
+    """Sliding and rolling friction have other units; 1e-4 m twice as large is no .01 % of both."""
+    ball = (
+        '<mujoco><worldbody><body><geom size=".1" friction="{} {} {}"/></body></worldbody></mujoco>'
+    )
+    friction = [1.0, 5e-3, 1e-4]
+    changed = [1.5 * value if index == place else value for index, value in enumerate(friction)]
+    (only,) = find_differences(compiled(ball.format(*friction)), compiled(ball.format(*changed)))
+    assert only.quantity == "friction"
+    assert only.relative_change == pytest.approx(0.5, rel=1e-9)
+
+
 def test_a_renamed_body_is_the_same_body() -> None:
     one, other = (
         compiled(ROBOT),

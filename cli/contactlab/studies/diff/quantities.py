@@ -13,15 +13,15 @@ from contactlab.scene.model_names import name_of
 from contactlab.scene.model_text import mjcf_text
 from contactlab.scene.mujoco_versions import enum_members
 
-Scale = Literal["value", "length", "turn", "word"]
+Scale = Literal["value", "numbers", "length", "turn", "word"]
 Reader = Callable[[mujoco.MjModel, int], object]
 
 
 class Quantity(NamedTuple):
     """A quantity of a part.
 
-    A value changes by its relative change, a length by its share of the part's reach, a turn by its
-    angle, and a word as a whole.
+    A value changes by its relative change, numbers of unlike units by the largest of one of them, a
+    length by its share of the part's reach, a turn by its angle, and a word as a whole.
     """
 
     name: str
@@ -144,10 +144,10 @@ QUANTITIES: dict[str, tuple[Quantity, ...]] = {
         Quantity("springref", _joint_place("qpos_spring"), _JOINT_UNIT),
         Quantity("ref", _joint_place("qpos0"), _JOINT_UNIT),
         Quantity("margin", _read_field("jnt_margin"), _JOINT_UNIT),
-        Quantity("solreflimit", _read_field("jnt_solref"), ""),
-        Quantity("solimplimit", _read_field("jnt_solimp"), ""),
-        Quantity("solreffriction", _joint_turns("dof_solref"), ""),
-        Quantity("solimpfriction", _joint_turns("dof_solimp"), ""),
+        Quantity("solreflimit", _read_field("jnt_solref"), "", "numbers"),
+        Quantity("solimplimit", _read_field("jnt_solimp"), "", "numbers"),
+        Quantity("solreffriction", _joint_turns("dof_solref"), "", "numbers"),
+        Quantity("solimpfriction", _joint_turns("dof_solimp"), "", "numbers"),
         Quantity(
             "actuatorfrcrange", _read_limits("jnt_actfrcrange", "jnt_actfrclimited"), "N or N m"
         ),
@@ -164,9 +164,9 @@ QUANTITIES: dict[str, tuple[Quantity, ...]] = {
         Quantity("conaffinity", _read_field("geom_conaffinity"), "", "word"),
         Quantity("condim", _read_field("geom_condim"), "", "word"),
         Quantity("priority", _read_field("geom_priority"), "", "word"),
-        Quantity("friction", _read_field("geom_friction"), ""),
-        Quantity("solref", _read_field("geom_solref"), ""),
-        Quantity("solimp", _read_field("geom_solimp"), ""),
+        Quantity("friction", _read_field("geom_friction"), "", "numbers"),
+        Quantity("solref", _read_field("geom_solref"), "", "numbers"),
+        Quantity("solimp", _read_field("geom_solimp"), "", "numbers"),
         Quantity("solmix", _read_field("geom_solmix"), ""),
         Quantity("margin", _read_field("geom_margin"), "m"),
         Quantity("gap", _read_field("geom_gap"), "m"),
@@ -179,7 +179,7 @@ QUANTITIES: dict[str, tuple[Quantity, ...]] = {
         Quantity("range", _read_limits("tendon_range", "tendon_limited"), "m"),
         Quantity("springlength", _read_field("tendon_lengthspring"), "m"),
         Quantity("length at qpos0", _read_field("tendon_length0"), "m"),
-        Quantity("solreflimit", _read_field("tendon_solref_lim"), ""),
+        Quantity("solreflimit", _read_field("tendon_solref_lim"), "", "numbers"),
     ),
     "actuator": (
         Quantity("transmission", _read_target, "", "word"),
@@ -188,30 +188,30 @@ QUANTITIES: dict[str, tuple[Quantity, ...]] = {
         Quantity("forcerange", _read_limits("actuator_forcerange", "actuator_forcelimited"), "N"),
         Quantity("actrange", _read_limits("actuator_actrange", "actuator_actlimited"), ""),
         Quantity("dyntype", _read_word("actuator_dyntype", mujoco.mjtDyn, "mjDYN_"), "", "word"),
-        Quantity("dynprm", _read_field("actuator_dynprm"), ""),
+        Quantity("dynprm", _read_field("actuator_dynprm"), "", "numbers"),
         Quantity(
             "gaintype", _read_word("actuator_gaintype", mujoco.mjtGain, "mjGAIN_"), "", "word"
         ),
-        Quantity("gainprm", _read_field("actuator_gainprm"), ""),
+        Quantity("gainprm", _read_field("actuator_gainprm"), "", "numbers"),
         Quantity(
             "biastype", _read_word("actuator_biastype", mujoco.mjtBias, "mjBIAS_"), "", "word"
         ),
-        Quantity("biasprm", _read_field("actuator_biasprm"), ""),
+        Quantity("biasprm", _read_field("actuator_biasprm"), "", "numbers"),
     ),
     "equality": (
         Quantity("type", _read_word("eq_type", mujoco.mjtEq, "mjEQ_"), "", "word"),
         Quantity("active", _read_field("eq_active0"), "", "word"),
         Quantity("data", _read_field("eq_data"), ""),
-        Quantity("solref", _read_field("eq_solref"), ""),
-        Quantity("solimp", _read_field("eq_solimp"), ""),
+        Quantity("solref", _read_field("eq_solref"), "", "numbers"),
+        Quantity("solimp", _read_field("eq_solimp"), "", "numbers"),
     ),
     "pair": (
         Quantity("geom1", _read_name("geom", "pair_geom1"), "", "word"),
         Quantity("geom2", _read_name("geom", "pair_geom2"), "", "word"),
         Quantity("condim", _read_field("pair_dim"), "", "word"),
-        Quantity("friction", _read_field("pair_friction"), ""),
-        Quantity("solref", _read_field("pair_solref"), ""),
-        Quantity("solimp", _read_field("pair_solimp"), ""),
+        Quantity("friction", _read_field("pair_friction"), "", "numbers"),
+        Quantity("solref", _read_field("pair_solref"), "", "numbers"),
+        Quantity("solimp", _read_field("pair_solimp"), "", "numbers"),
         Quantity("margin", _read_field("pair_margin"), "m"),
         Quantity("gap", _read_field("pair_gap"), "m"),
     ),
@@ -234,6 +234,10 @@ def relative_change(scale: Scale, before: object, after: object, length: float) 
     one, two = (np.asarray(side, np.float64) for side in (before, after))
     if one.shape != two.shape:
         return None
+    if scale == "numbers":
+        known = np.nan_to_num(one), np.nan_to_num(two)
+        old, new = (side[known[0] != known[1]] for side in known)
+        return float(np.abs(new / old - 1).max(initial=0.0)) if old.all() else None
     # A value that was never set may be NaN in both.
     apart = np.linalg.norm(np.nan_to_num(one - two))
     if scale == "turn":
