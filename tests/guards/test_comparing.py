@@ -81,7 +81,7 @@ def test_a_share_that_changed_is_named() -> None:
 
 
 def test_a_written_file_that_changed_is_named_and_its_patch_is_shown() -> None:
-    name = "example_robot_data-so100"
+    name = "gymnasium-half_cheetah"
 
     def edit(record: Record) -> None:
         files = record.results["written file"]
