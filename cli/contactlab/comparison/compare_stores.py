@@ -211,8 +211,9 @@ def choose_judge(paired: PairedStores) -> ComparePolicy:
     if judge == "auto":
         metrics = len({**baseline.columns.metric_columns, **candidate.columns.metric_columns})
         changed = find_difference(baseline, candidate, "scene_hash") is not None
-        enough = changed and len(np.unique(paired.trajectories)) >= pairs_to_tell(metrics)
-        judge = "spread" if enough else "each"
+        least = pairs_to_tell(metrics)
+        many = changed and len(paired.pairing.baseline) >= least
+        judge = "spread" if many and len(np.unique(paired.trajectories)) >= least else "each"
     return paired.policy.model_copy(update={"judge": judge})
 
 

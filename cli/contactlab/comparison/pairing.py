@@ -301,12 +301,15 @@ class PairedStores:
 
     def select_once(self, member: Mask, *values: NDArray[np.generic]) -> Mask:
         """Return the pairs of a group (n,), those with equal trajectories and values once."""
-        keys = np.stack(
-            [self.trajectories, *(np.unique(one, return_inverse=True)[1] for one in values)]
-        )
-        rows = np.flatnonzero(member)
-        once = np.zeros(len(member), np.bool_)
-        once[rows[np.unique(keys[:, rows], axis=1, return_index=True)[1]]] = True
+        # Most trajectories are the only ones of their kind, and sorting all by value takes seconds.
+        repeated = np.bincount(self.trajectories)[self.trajectories] > 1
+        rows = np.flatnonzero(member & repeated)
+        if not len(rows):
+            return member
+        columns = (self.trajectories[rows], *(one[rows] for one in values))
+        keys = np.stack([np.unique(one, return_inverse=True)[1] for one in columns])
+        once = member & ~repeated
+        once[rows[np.unique(keys, axis=1, return_index=True)[1]]] = True
         return once
 
     @cached_property

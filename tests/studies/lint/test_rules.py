@@ -380,6 +380,8 @@ def test_a_visual_copy_that_weighs_doubles_the_mass(linted: Linted) -> None:
     assert "0.064 of" in only(report_of("", ""), "visual-mass").message
     for real, look in (("", 'mass="0"'), ("", 'pos=".05 0 0"'), ('mass="0"', "")):
         assert "visual-mass" not in rules_of(report_of(real, look))
+    # Two visual copies of each other double no geom that collides; without both, mass would lack.
+    assert "visual-mass" not in rules_of(report_of(seen, ""))
 
 
 @pytest.mark.parametrize("copy", ['contype="0" conaffinity="0"', 'pos="0 0 .001"'])

@@ -124,7 +124,9 @@ def _visual_geoms(linted: LintedModel) -> list[str]:
     if not seen:
         return []
     compared = np.array([geom.id for geoms in doubled for geom in geoms])
-    copies = {geom for pair in find_equal_places(linted.model, compared) for geom in pair}
+    solid = {geom.id for geoms in doubled for geom in geoms if touches(geom)}
+    pairs = find_equal_places(linted.model, compared)
+    copies = {geom for pair in pairs if not solid.isdisjoint(pair) for geom in pair}
     water = 1000.0  # default density [kg/m^3]
     return [
         geom.name

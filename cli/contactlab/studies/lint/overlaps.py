@@ -284,11 +284,11 @@ def find_coincident_geoms(model: mujoco.MjModel) -> list[tuple[int, int]]:
     """Return pairs of geoms of one rigid part that fill one place and collide with the same."""
     collides = (model.geom_contype | model.geom_conaffinity) != 0
     touch = touch_mask(model)
-    doubled = list[tuple[int, int]]()
+    doubled, copies = list[tuple[int, int]](), set[int]()
     for first, second in find_equal_places(model, np.flatnonzero(collides)):
-        is_new = all(first != copied for _, copied in doubled)
-        if is_new and (touch[first] & touch[second]).any():
+        if first not in copies and (touch[first] & touch[second]).any():
             doubled.append((first, second))
+            copies.add(second)
     return doubled
 
 
