@@ -40,6 +40,7 @@ from contactlab.pareto.recommendation import (
 from contactlab.printable import visible_or_other
 from contactlab.rendering.amounts import format_amount, format_interval, format_percent
 from contactlab.reporting.boundaries import boundary_lines, describe_coverage
+from contactlab.reporting.equal_runs import describe_equal_runs
 from contactlab.reporting.finding import write_finding
 from contactlab.reporting.label_shares import share_words
 from contactlab.reporting.report import PageRequest, ReportData, read_report_data
@@ -306,11 +307,12 @@ def page_view(store: Store, request: PageRequest) -> PageView:
 def head_view(
     data: ReportData, request: PageRequest, reality: RealityView | None, notes: Sequence[str]
 ) -> HeadView:
-    """Return the head of a page; damaged traces are among its notes."""
+    """Return the head of a page; its notes include equal runs and damaged traces."""
     first = first_look(data)
     pictured = first[0] if first else None
     shows_films = request.traces and request.examination is None
     focal = focal_picture(data, pictured) if shows_films else None
+    equal_runs = [] if request.examination else describe_equal_runs(data.axes, data.store.columns)
     return HeadView(
         finding=request.examination.headline
         if request.examination
@@ -322,7 +324,7 @@ def head_view(
         focal=focal,
         first=first,
         stable_tiles=[] if request.examination else [*list_stable_tiles(data)],
-        notes=(*notes, *trace_warning(data.store)),
+        notes=(*notes, *equal_runs, *trace_warning(data.store)),
     )
 
 

@@ -22,6 +22,7 @@ from contactlab.rendering.document import (
     document_of,
     table_of,
 )
+from contactlab.reporting.equal_runs import describe_equal_runs
 from contactlab.reporting.finding import write_finding, write_headline
 from contactlab.reporting.label_shares import ShareWords, share_words, stable_share
 from contactlab.reporting.map_axes import by_importance
@@ -121,6 +122,7 @@ def _result_sentences(
     others = [replace(axis, codes=axis.codes[rest]) for axis in axes]
     unexplained = replace(labels, codes=labels.codes[rest], masks=labels.masks[rest])
     yield write_finding(others, unexplained, share) if axes and unexplained.failed.any() else ""
+    yield from describe_equal_runs(axes, columns)
     yield distance_to_reality(axes, columns)
 
     yield from (

@@ -242,8 +242,8 @@ def describe_drive(drive: Drive) -> str:
     match drive:
         case "exercise":
             return (
-                "after a rest, sines at actuators and pushes on free bodies (`drive: exercise`; "
-                "`drive: none` leaves them out)"
+                "after a rest, sines at any actuators and pushes on any free bodies (`drive: "
+                "exercise`; `drive: none` leaves them out)"
             )
         case "hold":
             return "an external load holds its joints (`drive: hold`)"
