@@ -1,6 +1,7 @@
 """The table as arrays says the same as the table as rows."""
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -102,6 +103,22 @@ def test_rows_are_found_in_parts_of_row_groups(
     chosen = np.isin(np.arange(17), [2, 15])
     rows = iterate_rows(tmp_path / "runs.parquet", chosen)
     assert [row["seed"] for row in rows] == [2, 15]
+
+
+def test_threads_that_read_at_once_get_their_own_columns(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One reader shared by two threads ends in an error within a few of these reads."""
+    rows, names = 20_000, [f"c{number}" for number in range(8)]
+    table = pa.table({name: np.arange(rows) * 10 + place for place, name in enumerate(names)})
+    pq.write_table(table, tmp_path / "runs.parquet", row_group_size=500)
+    monkeypatch.setattr(run_columns, "check_layout", lambda *_: None)
+    monkeypatch.setattr(run_columns, "shared_fields", lambda _: {})
+    columns = RunColumns(tmp_path)
+    with ThreadPoolExecutor(4) as pool:
+        read = [*pool.map(lambda name: columns.numbers(name).values, names * 8)]
+    for place, values in enumerate(read):
+        assert np.array_equal(values, np.arange(rows) * 10 + place % len(names))
 
 
 def test_large_tables_have_no_more_row_groups_than_small_ones() -> None:

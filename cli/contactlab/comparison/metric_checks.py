@@ -4,11 +4,13 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from itertools import islice
+from functools import partial
+from itertools import chain, islice
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.comparison.judged_share import unless_unjudged
 from contactlab.comparison.pairing import PairedStores, Value, find_difference, group_pairs
@@ -53,7 +55,7 @@ def metric_checks(paired: PairedStores) -> Iterator[Finding]:
     parts of the tables.
     """
     findings, shown = list[Finding](), list[ShownPairs]()
-    for finding, pairs in _metric_findings(paired):
+    for finding, pairs in chain.from_iterable(_judge_metrics(paired)):
         findings.append(finding)
         shown.append(pairs)
     read = iter(
@@ -75,43 +77,51 @@ class ShownPairs(NamedTuple):
     candidate: Sequence[Value] = ()
 
 
-def _metric_findings(paired: PairedStores) -> Iterator[tuple[Finding, ShownPairs]]:
-    # Yield the finding of every metric and group, without its pairs, and these.
+_JudgedMetric = list[tuple[Finding, ShownPairs]]
+"""The findings of a metric, one for each group of runs, and the pairs that they show."""
+
+
+def _judge_metrics(paired: PairedStores) -> Iterator[_JudgedMetric]:
     metric_columns = {
         **paired.candidate.columns.metric_columns,
         **paired.baseline.columns.metric_columns,
     }
+    yield from paired.map_in_threads(partial(_judge_metric, paired), metric_columns.values())
+
+
+def _judge_metric(paired: PairedStores, metric: Column) -> _JudgedMetric:
     versions = paired.baseline.manifest.sweep.metric_versions
-    for metric in metric_columns.values():
-        rule = effective_rule(metric, paired.policy)
-        reason = explain_incomparable(paired, metric, rule)
-        columns = None if reason else paired.read_numbers(metric.name)
-        if columns and (reason := explain_contradiction(paired, metric, rule, columns)):
-            columns = None
-        # A table that lacks a metric which its sweep measured was edited.
-        is_known = metric.name in {*paired.baseline.columns.metric_columns, *versions}
-        exempt = paired.half_checked & metric.second_pass
-        for group, member in group_pairs(paired.baseline, paired.pairing, rule.by):
-            subject = Subject(
-                name=f"{metric.name} {'unchanged' if rule.better == 'none' else 'no worse'}",
-                kind=kind_of(metric.name),
-                level=rule.level if is_known else "note",
-                group=group,
-                unit=metric.unit,
-                budget=rule.budget,
-                two_sided=rule.better == "none",
-            )
-            if columns is None:
-                yield subject.make_skipped(reason or ""), ShownPairs()
-            else:
-                rows = slice(None) if member.all() else np.flatnonzero(member)
-                before, after = (column.at(rows) for column in columns)
-                of = range(len(member)) if isinstance(rows, slice) else rows.tolist()
-                pairs = MetricPairs(of, before, after, exempt[rows])
-                unjudged = after.valid & ~before.valid & ~pairs.exempt
-                finding, shown = pairs.make_finding(subject, rule)
-                judged = unless_unjudged(paired, subject, finding, unjudged, after.valid)
-                yield judged, shown if judged is finding else ShownPairs()
+    rule = effective_rule(metric, paired.policy)
+    reason = explain_incomparable(paired, metric, rule)
+    columns = None if reason else paired.read_numbers(metric.name)
+    if columns and (reason := explain_contradiction(paired, metric, rule, columns)):
+        columns = None
+    # A table that lacks a metric which its sweep measured was edited.
+    is_known = metric.name in {*paired.baseline.columns.metric_columns, *versions}
+    exempt = paired.half_checked & metric.second_pass
+    judged_groups = list[tuple[Finding, ShownPairs]]()
+    for group, member in group_pairs(paired.baseline, paired.pairing, rule.by):
+        subject = Subject(
+            name=f"{metric.name} {'unchanged' if rule.better == 'none' else 'no worse'}",
+            kind=kind_of(metric.name),
+            level=rule.level if is_known else "note",
+            group=group,
+            unit=metric.unit,
+            budget=rule.budget,
+            two_sided=rule.better == "none",
+        )
+        if columns is None:
+            judged_groups.append((subject.make_skipped(reason or ""), ShownPairs()))
+            continue
+        rows = slice(None) if member.all() else np.flatnonzero(member)
+        before, after = (column.at(rows) for column in columns)
+        of = range(len(member)) if isinstance(rows, slice) else rows.tolist()
+        pairs = MetricPairs(of, before, after, exempt[rows])
+        unjudged = after.valid & ~before.valid & ~pairs.exempt
+        finding, shown = pairs.make_finding(subject, rule)
+        judged = unless_unjudged(paired, subject, finding, unjudged, after.valid)
+        judged_groups.append((judged, shown if judged is finding else ShownPairs()))
+    return judged_groups
 
 
 def explain_incomparable(paired: PairedStores, metric: Column, rule: EffectiveRule) -> str | None:
@@ -144,9 +154,10 @@ def explain_contradiction(
     if kind_of(metric.name) == "time" or paired.policy.match != "id":
         return None
     before, after = columns
-    judged = paired.bitwise_equal & np.isfinite(before.values) & np.isfinite(after.values)
-    judged &= before.valid & after.valid & ~(paired.half_checked & metric.second_pass)
-    changed = np.flatnonzero(judged & (before.values != after.values))
+    # Few pairs, if any, are equal and have other values: only these are looked at closely.
+    changed = np.flatnonzero(paired.bitwise_equal & (before.values != after.values))
+    comparable = _select_comparable(paired, metric, columns, changed)
+    changed = changed[comparable]
     if not len(changed) or any(
         find_difference(paired.baseline, paired.candidate, what)
         for what in ("metric_versions", "thresholds", "engine")
@@ -156,11 +167,26 @@ def explain_contradiction(
     beyond = int(np.count_nonzero(np.abs(new - old) > rule.limit.allow_change(old)))
     if not beyond:
         return None
+    equal = np.flatnonzero(paired.bitwise_equal)
+    judged = _select_comparable(paired, metric, columns, equal)
     runs = out_of(beyond, int(np.count_nonzero(judged)))
     return (
         f"{runs} with bitwise equal trajectories have other values: a table was edited, or the "
         "metric does not repeat; run contactlab verify --simulate on both stores"
     )
+
+
+def _select_comparable(
+    paired: PairedStores,
+    metric: Column,
+    columns: tuple[NumberColumn, NumberColumn],
+    rows: NDArray[np.intp],
+) -> Mask:
+    # Return which of some pairs (m,) have two finite values that were measured alike.
+    comparable = ~(paired.half_checked[rows] & metric.second_pass)
+    for column in columns:
+        comparable &= column.valid[rows] & np.isfinite(column.values[rows])
+    return comparable
 
 
 @dataclass(frozen=True)

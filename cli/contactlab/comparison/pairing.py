@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from datetime import date
@@ -222,8 +222,22 @@ class PairedStores:
 
     def read_numbers(self, name: str) -> tuple[NumberColumn, NumberColumn]:
         """Return a column of both stores, (n,) each; empty where a store has no such column."""
-        before, after = for_both(lambda side: self._side_numbers(*side, name), self.sides)
+        before, after = (self._side_numbers(*side, name) for side in self.sides)
         return before, after
+
+    def map_in_threads(
+        self, function: Callable[[_Side], _Result], values: Iterable[_Side]
+    ) -> Iterator[_Result]:
+        """Yield the results of a function for each metric, in their order, by two threads.
+
+        Each thread has the columns of one metric in memory.
+        """
+        # What all metrics need is computed before, and once.
+        _ = self.bitwise_equal, self.half_checked
+        if self.policy.judge == "spread":
+            _ = self.trajectories
+        with ThreadPoolExecutor(2) as pool:
+            yield from pool.map(function, values)
 
     def _side_numbers(self, store: Store, rows: Rows, name: str) -> NumberColumn:
         if name not in store.columns.schema.names:
@@ -323,7 +337,7 @@ class PairedStores:
         )
         return before, after
 
-    @property
+    @cached_property
     def knife_edge(self) -> Mask:
         """Pairs (n,) with a run that gets another label if it starts 1e-6 away."""
         before, after = self.knife_edges

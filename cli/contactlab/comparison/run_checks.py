@@ -15,6 +15,7 @@ from contactlab.comparison.pairing import (
     Ranks,
     Rows,
     find_difference,
+    for_both,
     group_pairs,
     unpaired_runs,
 )
@@ -241,7 +242,7 @@ def recommendation_check(paired: PairedStores) -> Finding:
     """
     level = paired.policy.recommendation.changed
     subject = Subject("same recommendation", "recommendation", level, two_sided=True)
-    before, after = _analyze_store(paired.baseline), _analyze_store(paired.candidate)
+    before, after = for_both(_analyze_store, (paired.baseline, paired.candidate))
     now = after.recommendation if after else None
     if before is None or after is None or before.recommendation is None:
         if now is None:

@@ -6,6 +6,8 @@ says nothing: its label may flip without a cause. An effect on all runs can be s
 
 import math
 from collections.abc import Iterator
+from functools import partial
+from itertools import chain
 
 import numpy as np
 
@@ -21,6 +23,7 @@ from contactlab.rendering.amounts import format_percent
 from contactlab.schema.finding import Finding
 from contactlab.shares import SURE, median_interval, paired_chance, paired_difference
 from contactlab.store.run_columns import NumberColumn
+from contactlab.store.table_layout import Column
 
 
 def pairs_to_tell(metrics: int) -> int:
@@ -90,35 +93,42 @@ def spread_metric_checks(paired: PairedStores) -> Iterator[Finding]:
         **paired.candidate.columns.metric_columns,
         **paired.baseline.columns.metric_columns,
     }
-    count = sum(paired.read_numbers(name)[1].valid.any() for name in metric_columns)
-    sure = _sure_of_each(int(count))
-    for metric in metric_columns.values():
-        rule = effective_rule(metric, paired.policy)
-        columns = paired.read_numbers(metric.name)
-        reason = explain_incomparable(paired, metric, rule)
-        reason = reason or explain_contradiction(paired, metric, rule, columns)
-        for group, member in group_pairs(paired.baseline, paired.pairing, rule.by):
-            unchanged = rule.better == "none"
-            subject = Subject(
-                name=f"{metric.name} {'unchanged' if unchanged else 'no worse'}",
-                kind=kind_of(metric.name),
-                level=rule.level,
-                group=group,
-                unit=metric.unit,
-                two_sided=unchanged,
-            )
-            if reason:
-                yield subject.make_skipped(reason)
-                continue
-            rows = np.flatnonzero(
-                paired.select_once(member, *(column.values for column in columns))
-            )
-            before, after = (column.at(rows) for column in columns)
-            finding = spread_finding(subject, rule, before, after, sure)
-            new, is_gone = after.valid & ~before.valid, before.valid & ~after.valid
-            if _are_more(int(new.sum()), int(is_gone.sum()), sure):
-                finding = unless_unjudged(paired, subject, finding, new, after.valid)
-            yield finding
+
+    def has_value(name: str) -> bool:
+        return bool(paired.read_numbers(name)[1].valid.any())
+
+    count = sum(paired.map_in_threads(has_value, metric_columns))
+    judge = partial(_judge_spread, paired, _sure_of_each(count))
+    yield from chain.from_iterable(paired.map_in_threads(judge, metric_columns.values()))
+
+
+def _judge_spread(paired: PairedStores, sure: float, metric: Column) -> list[Finding]:
+    rule = effective_rule(metric, paired.policy)
+    columns = paired.read_numbers(metric.name)
+    reason = explain_incomparable(paired, metric, rule)
+    reason = reason or explain_contradiction(paired, metric, rule, columns)
+    findings = list[Finding]()
+    for group, member in group_pairs(paired.baseline, paired.pairing, rule.by):
+        unchanged = rule.better == "none"
+        subject = Subject(
+            name=f"{metric.name} {'unchanged' if unchanged else 'no worse'}",
+            kind=kind_of(metric.name),
+            level=rule.level,
+            group=group,
+            unit=metric.unit,
+            two_sided=unchanged,
+        )
+        if reason:
+            findings.append(subject.make_skipped(reason))
+            continue
+        rows = np.flatnonzero(paired.select_once(member, *(column.values for column in columns)))
+        before, after = (column.at(rows) for column in columns)
+        finding = spread_finding(subject, rule, before, after, sure)
+        new, is_gone = after.valid & ~before.valid, before.valid & ~after.valid
+        if _are_more(int(new.sum()), int(is_gone.sum()), sure):
+            finding = unless_unjudged(paired, subject, finding, new, after.valid)
+        findings.append(finding)
+    return findings
 
 
 def _are_more(some: int, others: int, sure: float) -> bool:

@@ -2,6 +2,7 @@
 
 import hashlib
 import math
+import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property, lru_cache
 from itertools import islice
@@ -51,17 +52,19 @@ class CodedColumn(NamedTuple):
 class RunColumns:
     """The table in the folder of a store, read column by column on demand.
 
-    A StoreError, which names the store's address, says that the table does not exist or is damaged,
-    or that it lacks a requested column.
+    Several threads may read at once. A StoreError, which names the store's address, says that the
+    table does not exist or is damaged, or that it lacks a requested column.
     """
 
     def __init__(self, store: Path, address: Address | None = None) -> None:
         self.path = (address or store) / TABLE
         with table_errors(self.path):
             self._source = stored_file(store, TABLE) or store / TABLE
-            self._file = pq.ParquetFile(self._source)
+            file = pq.ParquetFile(self._source)
+        self._metadata, self._files = file.metadata, threading.local()
+        self._files.own = file
         try:
-            check_layout(self._file.schema_arrow, shared_fields(self._file.schema_arrow))
+            check_layout(file.schema_arrow, shared_fields(file.schema_arrow))
         except (ValueError, TypeError, LookupError, RecursionError) as error:
             reason = error if isinstance(error, ValueError | TypeError) else type(error).__name__
             raise StoreError(f"{self.path} is damaged: {reason}") from error
@@ -69,9 +72,16 @@ class RunColumns:
         self._part_of = lru_cache(4)(self._read_part)
 
     @property
+    def _file(self) -> pq.ParquetFile:
+        # Two threads that read one of these get each other's bytes, or an error.
+        if not hasattr(self._files, "own"):
+            self._files.own = pq.ParquetFile(self._source, metadata=self._metadata)
+        return self._files.own
+
+    @property
     def runs(self) -> int:
         """The number of runs."""
-        return self._file.metadata.num_rows
+        return self._metadata.num_rows
 
     @cached_property
     def schema(self) -> pa.Schema:
@@ -222,9 +232,7 @@ class RunColumns:
     def read_codes(self, name: str) -> CodedColumn:
         """Return a column by its stored codes, without expanding its text."""
         codes_of_runs, codes_by_word, nulls = np.empty(self.runs, np.int32), dict[Any, int](), False
-        by_codes = pq.ParquetFile(
-            self._source, metadata=self._file.metadata, read_dictionary=[name]
-        )
+        by_codes = pq.ParquetFile(self._source, metadata=self._metadata, read_dictionary=[name])
         for rows, column in self.parts(name, by_codes):
             dictionary = column.dictionary_encode()
             words = _python_values(dictionary.dictionary)
@@ -296,7 +304,7 @@ class RunColumns:
 
     @cached_property
     def _group_ends(self) -> NDArray[np.int64]:
-        meta = self._file.metadata
+        meta = self._metadata
         sizes = [meta.row_group(group).num_rows for group in range(meta.num_row_groups)]
         return np.cumsum(np.array(sizes, np.int64))
 
