@@ -232,7 +232,7 @@ class PairedStores:
 
         Each thread has the columns of one metric in memory.
         """
-        # What all metrics need is computed before, and once.
+        # Masks that all metrics need are computed before, and once.
         _ = self.bitwise_equal, self.half_checked
         if self.policy.judge == "spread":
             _ = self.trajectories
