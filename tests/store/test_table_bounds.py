@@ -11,7 +11,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from contactlab.errors import SceneError, StoreError
+from contactlab.errors import OutputError, SceneError, StoreError
+from contactlab.scene.scene import Scene
 from contactlab.store import atomic_files, table_bounds
 from contactlab.store.atomic_files import exchange_folders
 from contactlab.store.control_tables import read_control_table
@@ -89,6 +90,22 @@ def test_a_path_with_a_colon_is_no_url(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.chdir(tmp_path)
     assert parse_address("run:1") == tmp_path / "run:1"
     assert parse_address("run") == Path("run")
+
+
+def test_a_store_in_a_folder_with_a_backslash_is_refused_before_it_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """MuJoCo opens no model there: it reads the name up to the backslash as another folder."""
+    folder = tmp_path / "a\\b"
+    folder.mkdir()
+    (folder / "ball.xml").write_text("<mujoco/>")
+    with pytest.raises(SceneError, match="rename its folder or file"):
+        Scene.open(str(folder / "ball.xml"))
+    with pytest.raises(OutputError, match="backslash"):
+        parse_address(str(folder / "store"))
+    monkeypatch.chdir(folder)
+    with pytest.raises(OutputError, match="backslash"):
+        parse_address("store")
 
 
 def test_a_table_has_few_row_groups(store: Path) -> None:

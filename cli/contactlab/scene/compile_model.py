@@ -390,6 +390,8 @@ def compile_error(model: Path, compiled_file: Path, error: Exception) -> SceneEr
         with suppress(*COMPILE_ERRORS):
             faults = written_inertia_faults(mujoco.MjSpec.from_file(str(compiled_file)))
             hints += [f"body '{f.body}': {f.reason}" for f in islice(faults, 3)]
+    if "opening file" in lines[0] and "\\" in str(model.absolute()):
+        hints.append("MuJoCo cannot open a path with a backslash: rename its folder or file")
     if "no decoder found" in lines[0]:
         hints.append(
             "MuJoCo reads meshes from .stl, .obj and .msh files; convert it to one of them"

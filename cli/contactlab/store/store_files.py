@@ -57,7 +57,8 @@ Address = Path | ObjectAddress
 def parse_address(text: str | Address) -> Address:
     """Return the address of a store: `s3://bucket/prefix`, `gs://...`, `az://...`, or a path.
 
-    Raises an OutputError if it is a URL but not of a store, or if it contains credentials.
+    Raises an OutputError if it is a URL but not of a store, if it contains credentials, or if it is
+    a path with a backslash.
     """
     if not isinstance(text, str):
         return text
@@ -69,8 +70,14 @@ def parse_address(text: str | Address) -> Address:
     ):
         raise OutputError(f"{text}: write {scheme}://BUCKET/PREFIX")
     if url is None:
+        path = Path(text).absolute()
+        if os.sep == "/" and "\\" in str(path):
+            raise OutputError(
+                f"{path}: MuJoCo cannot open files in a folder with a backslash in its name; write "
+                "another name"
+            )
         # Arrow would read a relative path with a colon as a URL.
-        return Path(text).absolute() if ":" in text else Path(text)
+        return path if ":" in text else Path(text)
     if _CREDENTIALS.search(url["rest"]):
         # The text is not repeated, because it would appear in the logs of CI jobs.
         raise OutputError(
