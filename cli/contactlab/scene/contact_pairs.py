@@ -93,15 +93,19 @@ def _likely_pairs(
     flat = np.isin(model.geom_type, _SURFACE_TYPES)
     known = np.array([first * model.ngeom + second for first, second in touching], np.intp)
 
-    def keep_likely(codes: NDArray[np.intp]) -> NDArray[np.intp]:
-        # By approximate gaps: a million exact ones take 20 s.
-        codes = np.setdiff1d(codes, known)
+    def measure_pairs(codes: NDArray[np.intp]) -> tuple[NDArray[np.intp], Floats]:
+        # The group of each pair, and its approximate gap: a million exact ones take 20 s.
         first, second = np.divmod(codes, model.ngeom)
         is_free, is_fixed = free[first] | free[second], fixed[first] | fixed[second]
         groups = np.where(is_free, np.where(is_fixed, 0, 1), 2)
         between = np.linalg.norm(data.geom_xpos[first] - data.geom_xpos[second], axis=1)
         gaps = between - model.geom_rbound[first] - model.geom_rbound[second]
         gaps[flat[first] | flat[second]] = -np.finfo(float).max / 2
+        return groups, gaps
+
+    def keep_likely(codes: NDArray[np.intp]) -> NDArray[np.intp]:
+        codes = np.setdiff1d(codes, known)
+        groups, gaps = measure_pairs(codes)
         kept, left = [codes[:0]], MAX_PAIRS
         for group in range(3):
             inside, own = codes[groups == group], gaps[groups == group]
@@ -112,13 +116,25 @@ def _likely_pairs(
             left -= len(inside)
         return np.concatenate(kept)
 
+    def drop_unlikely(codes: NDArray[np.intp], likely: NDArray[np.intp]) -> NDArray[np.intp]:
+        # Leave out pairs behind the last of enough likely ones, before anything is sorted.
+        if len(likely) < MAX_PAIRS:
+            return codes
+        own_groups, own_gaps = measure_pairs(likely)
+        last = own_groups.max()
+        bound = own_gaps[own_groups == last].max()
+        groups, gaps = measure_pairs(codes)
+        return codes[(groups < last) | ((groups == last) & (gaps <= bound))]
+
     likely = np.array([*zip(model.pair_geom1, model.pair_geom2, strict=True)], np.intp)
     likely = np.sort(likely.reshape(-1, 2), axis=1) @ np.array([model.ngeom, 1])
+    moving = model.body_dofnum[model.body_weldid[bodies]] > 0
     for rows, part in _touch_rows(model):
-        places, others = np.nonzero(part)
+        # A pair of two moving geoms counts once.
+        places, others = np.nonzero(part & (~moving | (rows[:, None] < np.arange(model.ngeom))))
         own = rows[places]
         codes = np.minimum(own, others) * model.ngeom + np.maximum(own, others)
-        likely = keep_likely(np.concatenate([likely, codes]))
+        likely = keep_likely(np.concatenate([likely, drop_unlikely(codes, likely)]))
 
     def rank_pair(pair: tuple[int, int]) -> tuple[int, float, tuple[int, int]]:
         first, second = pair
