@@ -167,3 +167,31 @@ def test_what_leaves_no_label_leads(tmp_path: Path) -> None:
     name, edits, _ = changes.choose_edits()
     assert name == first
     assert changes.write_edits(edits, tmp_path / "new", "arm.xml").path.is_file()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("removable", [True, False])
+def test_no_fix_of_a_modeling_choice_leaves_the_label_of_a_run_that_fails(
+    tmp_path: Path, removable: bool
+) -> None:
+    """A box lands on soft ground: its softness decides. Its energy rises for another reason."""
+    file = tmp_path / "box.xml"
+    file.write_text(BOX.replace('pos="0 0 .05"', 'pos="0 0 .06"'))
+    scene = SceneLoader(Path()).open(str(file)).with_effects("all")
+    task, settings = scene.task({}, 0.1), Settings(energy=False)
+    task = task.model_copy(update={"seeds": (0,)})
+    motions = task_motions(scene, {}, task)
+    verdict = judge(error_budget(motions, settings=settings))
+    assert verdict.word == "depends"
+    gained = DEEP.model_copy(update={"label": "energy_injection", "bodies": ()})
+
+    def moved(values: Any, change: Any, _other: Path | None) -> Iterator[list[Motion]]:
+        yield task_motions(scene, values, task, change=change)
+
+    def labelled(values: Any, _file: Path | None = None) -> Iterator[Sequence[RunLabel]]:
+        yield () if removable and any("solref" in name for name in values) else (gained,)
+
+    trial = Trial(settings, workers=1)
+    repeats = TaskRepeats(moved, labelled, (gained,))
+    fixes = FixSearch(scene, {}, motions, verdict, trial, repeats).reported_fixes()
+    assert bool(fixes) == removable

@@ -97,7 +97,7 @@ def test_a_dependence_on_the_step_is_of_all_seeds_together(mean: float, kept: li
     record: Any = SimpleNamespace(duration=1.0, steps_asked=10, seed=1, labels=tuple(entries))
     phases = (Phase(name="held", begin=0.0, end=1.0),)
     task = Task(start="home", drive="hold", own_controls=True, duration=1.0, phases=phases)
-    budget: Any = SimpleNamespace(phases=[SimpleNamespace(run=SimpleNamespace(error=mean))])
+    budget = ErrorBudget((phase_budget("held", mean, "mug"),))
     assert [label.label for label in run_labels(task, [record], budget)] == kept
     assert [label.label for label in run_labels(task, [record])] == ["chatter", NUMERIC]
 
@@ -128,6 +128,29 @@ def test_the_worst_phase_gives_the_verdict(errors: tuple[float, float]) -> None:
     assert f"in {('foot', 'torso')[worst]}, {phases[worst].name}" in found.sentence
     assert [phase.numerical_error for phase in found.phases] == [*errors]
     assert [phase.body for phase in found.phases] == ["foot", "torso"]
+
+
+@pytest.mark.parametrize("rest", [0.02, 0.3])
+def test_numerics_cause_no_label_of_a_phase_in_which_they_are_accurate(rest: float) -> None:
+    """A run's own numerical error is that of its worst phase, which may be another one."""
+    caused = "energy rose by 33 %; cause: the numerics (numerical error 30 % in torso)"
+    other = "it passed; cause: the model (numerical error 1 % in mug)"
+    labels = (
+        LabelEntry(label="energy_injection", reason=caused, step=3),
+        LabelEntry(label="chatter", reason=caused, step=150),
+        LabelEntry(label="tunneling", reason=other, step=4),
+    )
+    record: Any = SimpleNamespace(duration=2.0, steps_asked=200, seed=0, labels=labels)
+    phases = (Phase(name="rest", begin=0, end=1), Phase(name="excitation", begin=1, end=2))
+    task = Task(start="home", drive="hold", own_controls=True, duration=2.0, phases=phases)
+    budget = ErrorBudget(
+        (phase_budget("rest", rest, "foot"), phase_budget("excitation", 0.3, "torso"))
+    )
+    found = {label.label: label.reason for label in run_labels(task, [record], budget)}
+    assert found["chatter"] == caused
+    assert found["tunneling"] == other
+    accurate = "energy rose by 33 %; cause: the model (numerical error 2 % in foot)"
+    assert found["energy_injection"] == (accurate if rest <= task.tolerance else caused)
 
 
 def test_a_length_is_refused(tmp_path: Path) -> None:

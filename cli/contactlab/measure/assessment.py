@@ -59,8 +59,8 @@ _IS_TRANSLATION = {
     "hinge": [False],
 }
 
-NUMERICAL_CAUSE = "cause: the numerics"
-"""Words in the reason of a label that a numerical error causes."""
+NUMERICAL_CAUSE, MODEL_CAUSE = "cause: the numerics", "cause: the model"
+"""Words in the reason of a label that a numerical error causes, and in that of another."""
 
 
 class AppliedLabel(NamedTuple):
@@ -161,9 +161,20 @@ def _add_causes(context: Context, run: int, labels: list[AppliedLabel]) -> Itera
         else:
             bodies = {*label.bodies, *_find_touched(context, run, label.bodies)}
             is_of_model = is_resolved(context, run, bodies)
-            cause = "cause: the model" if is_of_model else NUMERICAL_CAUSE
+            cause = MODEL_CAUSE if is_of_model else NUMERICAL_CAUSE
             error = numerical_error_text(context, run, bodies)
             yield label._replace(reason=f"{label.reason}; {cause} ({error})")
+
+
+def blame_model(reason: str, error: str) -> str:
+    """Return the reason of a label with the model as its cause, if it names the numerics.
+
+    Arguments:
+        reason: of a label of a run, whose numerical error is that of the whole run.
+        error: numerical error of the part of the run in which the label begins, in words.
+    """
+    before, numerics, _ = reason.partition(f"; {NUMERICAL_CAUSE} (")
+    return f"{before}; {MODEL_CAUSE} ({error})" if numerics else reason
 
 
 def _find_touched(context: Context, run: int, bodies: Sequence[str]) -> Iterator[str]:

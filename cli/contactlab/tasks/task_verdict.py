@@ -5,7 +5,7 @@ phase alone, under the task's tolerance. A label belongs to the phase in which i
 """
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import mujoco
@@ -13,6 +13,7 @@ import numpy as np
 
 from contactlab.budget import ErrorBudget, PhaseBudget, Settings, error_budget, judge
 from contactlab.errors import SweepFileError
+from contactlab.measure.assessment import blame_model
 from contactlab.measure.backward_error import step_dependent
 from contactlab.measure.entries import labels_with
 from contactlab.mjcf import MODEL_ENGINE
@@ -123,12 +124,14 @@ def run_labels(
 
     Labels of bodies that are not observed are left out. So are labels that only note something,
     such as a limit of the recorder; and a dependence of single runs on the step, if the error
-    budget of all seeds is within the tolerance.
+    budget of all seeds is within the tolerance. The numerics cause no label of a phase in which
+    they are accurate, even if they are not in another phase of the same run.
     """
     labels: dict[tuple[str, str], RunLabel] = {}
     ignored_labels = {"stable", *labels_with("note")}
     if budget is not None and all(phase.run.error <= task.tolerance for phase in budget.phases):
         ignored_labels.add(step_dependent.__name__)
+    accurate = dict(_describe_accurate(budget, task.tolerance)) if budget else {}
     for record in records:
         step = record.duration / max(record.steps_asked, 1)
         for entry in record.labels:
@@ -142,7 +145,9 @@ def run_labels(
                 label=entry.label,
                 phase=phase,
                 runs=0,
-                reason=entry.reason,
+                reason=blame_model(entry.reason, accurate[phase])
+                if phase in accurate
+                else entry.reason,
                 seed=record.seed,
                 time=time,
                 bodies=entry.bodies,
@@ -150,3 +155,11 @@ def run_labels(
             same_label = labels.get((entry.label, phase), first)
             labels[entry.label, phase] = same_label.model_copy(update={"runs": same_label.runs + 1})
     return tuple(labels.values())
+
+
+def _describe_accurate(budget: ErrorBudget, tolerance: float) -> Iterator[tuple[str, str]]:
+    # Yield the phases with accurate numerics, and their numerical errors in words.
+    for phase in budget.phases:
+        if judge(ErrorBudget((replace(phase, rows=()),)), tolerance).word == "ok":
+            error = format_percent(phase.run.error)
+            yield phase.name, f"numerical error {error} in {phase.bodies[phase.run.body]}"

@@ -207,6 +207,7 @@ class FixSearch:
         """Return the fixes, led by one that leaves no label, if there is one.
 
         If all leave labels, it is the first one at a finer step, or joined with a fix of labels.
+        Without that, there are none against a modeling choice: the labels are the failure.
         """
         if helping and (not self._repeats.labels or helping[0].edits.fixes_start):
             return [*helping]
@@ -220,7 +221,7 @@ class FixSearch:
             if base is None:
                 base, base_labels = candidate, labels
         further_fixes = self._try_further(base, base_labels) if base or not helping else []
-        return [*further_fixes, *helping]
+        return [*further_fixes, *(helping if self._verdict.word != "depends" else ())]
 
     def _try_further(
         self, base: Candidate | None, labels: Sequence[RunLabel]
