@@ -170,8 +170,8 @@ def blame_model(reason: str, error: str) -> str:
     """Return the reason of a label with the model as its cause, if it names the numerics.
 
     Arguments:
-        reason: of a label of a run, whose numerical error is that of the whole run.
-        error: numerical error of the part of the run in which the label begins, in words.
+        reason: of a label, with the numerical error of the whole run.
+        error: numerical error of the phase of the label, in words.
     """
     before, numerics, _ = reason.partition(f"; {NUMERICAL_CAUSE} (")
     return f"{before}; {MODEL_CAUSE} ({error})" if numerics else reason

@@ -124,8 +124,8 @@ def run_labels(
 
     Labels of bodies that are not observed are left out. So are labels that only note something,
     such as a limit of the recorder; and a dependence of single runs on the step, if the error
-    budget of all seeds is within the tolerance. The numerics cause no label of a phase in which
-    they are accurate, even if they are not in another phase of the same run.
+    budget of all seeds is within the tolerance. Accurate numerics of a phase cause none of its
+    labels, even if those of another phase of the same run are not accurate.
     """
     labels: dict[tuple[str, str], RunLabel] = {}
     ignored_labels = {"stable", *labels_with("note")}

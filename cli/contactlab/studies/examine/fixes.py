@@ -207,7 +207,7 @@ class FixSearch:
         """Return the fixes, led by one that leaves no label, if there is one.
 
         If all leave labels, it is the first one at a finer step, or joined with a fix of labels.
-        Without that, there are none against a modeling choice: the labels are the failure.
+        Without that, a modeling choice has no fix: the labels are the failure.
         """
         if helping and (not self._repeats.labels or helping[0].edits.fixes_start):
             return [*helping]
