@@ -21,7 +21,7 @@ def moving_bodies(model: mujoco.MjModel, bodies: Iterable[int]) -> tuple[str, ..
     return tuple(name_of(model, "body", body) for body in moving)
 
 
-def bodies_of_tendon(model: mujoco.MjModel, index: int) -> tuple[str, ...]:
+def find_tendon_bodies(model: mujoco.MjModel, index: int) -> list[int]:
     """Return the bodies along a tendon: of its sites, its joints and its wrapping geoms."""
     first = int(model.tendon_adr[index])
     part = slice(first, first + int(model.tendon_num[index]))
@@ -32,12 +32,16 @@ def bodies_of_tendon(model: mujoco.MjModel, index: int) -> tuple[str, ...]:
         int(_WRAP.mjWRAP_SPHERE): model.geom_bodyid,
         int(_WRAP.mjWRAP_CYLINDER): model.geom_bodyid,
     }
-    bodies = [
+    return [
         int(np.asarray(owners[kind])[item])
         for kind, item in zip(kinds.tolist(), objects.tolist(), strict=True)
         if kind in owners
     ]
-    return moving_bodies(model, bodies)
+
+
+def bodies_of_tendon(model: mujoco.MjModel, index: int) -> tuple[str, ...]:
+    """Return the names of the moving bodies along a tendon."""
+    return moving_bodies(model, find_tendon_bodies(model, index))
 
 
 def bodies_of_actuator(model: mujoco.MjModel, index: int) -> tuple[str, ...]:
@@ -52,20 +56,48 @@ def bodies_of_actuator(model: mujoco.MjModel, index: int) -> tuple[str, ...]:
     return moving_bodies(model, ends[:1] if kind == _TRN.mjTRN_BODY else [])
 
 
-def bodies_of_equality(model: mujoco.MjModel, index: int) -> tuple[str, ...]:
+def find_equality_bodies(model: mujoco.MjModel, index: int) -> list[int]:
     """Return the bodies that an equality constraint connects; none for a flex."""
     kind = int(model.eq_type[index])
     ends = [int(model.eq_obj1id[index]), int(model.eq_obj2id[index])]
     if kind == _EQUALITY_TYPES.mjEQ_JOINT:
-        return moving_bodies(model, np.asarray(model.jnt_bodyid)[[end for end in ends if end >= 0]])
+        return np.asarray(model.jnt_bodyid)[[end for end in ends if end >= 0]].tolist()
     if kind == _EQUALITY_TYPES.mjEQ_TENDON:
-        names = [bodies_of_tendon(model, end) for end in ends if end >= 0]
-        return tuple(dict.fromkeys(name for each in names for name in each))
+        return [body for end in ends if end >= 0 for body in find_tendon_bodies(model, end)]
     if kind not in {_EQUALITY_TYPES.mjEQ_CONNECT, _EQUALITY_TYPES.mjEQ_WELD}:
-        return ()
+        return []
     if model.eq_objtype[index] == int(mujoco.mjtObj.mjOBJ_SITE):
-        ends = np.asarray(model.site_bodyid)[ends].tolist()
-    return moving_bodies(model, ends)
+        return np.asarray(model.site_bodyid)[ends].tolist()
+    return ends
+
+
+def bodies_of_equality(model: mujoco.MjModel, index: int) -> tuple[str, ...]:
+    """Return the names of the moving bodies that an equality connects; none for a flex."""
+    return moving_bodies(model, find_equality_bodies(model, index))
+
+
+def is_held_from_outside(model: mujoco.MjModel, root: int) -> bool:
+    """Return whether a constraint, a tendon or an actuator can carry the tree of a root body.
+
+    Forces between two bodies of the tree carry nothing. A motor on its free joint does, and so may
+    actuators that act on sites or bodies.
+    """
+    own = {*np.flatnonzero(model.body_rootid == model.body_rootid[root]).tolist()}
+    connected = [
+        *({*find_equality_bodies(model, index)} for index in range(model.neq)),
+        *({*find_tendon_bodies(model, index)} for index in range(model.ntendon)),
+    ]
+    if any(bodies & own and bodies - own for bodies in connected):
+        return True
+    names = {name_of(model, "body", body) for body in own}
+    for index, kind in enumerate(model.actuator_trntype.tolist()):
+        joint = int(model.actuator_trnid[index, 0])
+        is_inner = kind == _TRN.mjTRN_TENDON or (
+            kind in AT_JOINT and model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE
+        )
+        if not is_inner and not names.isdisjoint(bodies_of_actuator(model, index)):
+            return True
+    return False
 
 
 def is_mocap_driven(model: mujoco.MjModel) -> np.ndarray:

@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.contact_pairs import touch_pairs
+from contactlab.scene.part_bodies import AT_JOINT, is_held_from_outside
 from contactlab.studies.lint.linted_model import Fault, LintedModel
 from contactlab.studies.lint.rules import rule
 
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 _HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_SLIDE), _HINGE)
-_AT_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 
 
 @rule("no-actuators", "warn", voids_postures=True)
@@ -146,8 +146,8 @@ def _lowest_points(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
 def find_missing_floor(linted: LintedModel) -> Iterator[Fault]:
     """Nothing can stop the fall of a driven robot with a floating base.
 
-    Robots that float by thrusters, tendons, equalities or a medium pass, as does a model without
-    gravity. Fix: examine the scene that includes the robot, or add a floor.
+    Robots that float in a medium or by thrusters, or hang from something, pass, as does a model
+    without gravity. Fix: examine the scene that includes the robot, or add a floor.
     """
     model = linted.model
     for root in list_unsupported_roots(model):
@@ -168,20 +168,21 @@ def list_unsupported_roots(model: mujoco.MjModel) -> Iterator[int]:
     falls = np.linalg.norm(model.opt.gravity) > 0 and not (
         model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
     )
-    carried = model.opt.density > 0 or model.body_gravcomp.any() or model.neq or model.nmocap
-    has_others = not np.isin(model.actuator_trntype, _AT_JOINT).all()
-    if not falls or carried or has_others or model.ntendon or model.nflex:
+    floats = model.opt.density > 0 or model.body_gravcomp.any() or model.nmocap or model.nflex
+    if not falls or floats:
         return
     for joint in np.flatnonzero(model.jnt_type == _FREE).tolist():
         root = int(model.jnt_bodyid[joint])
         own = model.body_rootid[model.geom_bodyid] == model.body_rootid[root]
+        if is_held_from_outside(model, root):
+            continue
         if not any(own[first] != own[second] for first, second in touch_pairs(model)):
             yield root
 
 
 def find_driven_joints(model: mujoco.MjModel, root: int) -> list[int]:
     """Return the hinges and slides of a root's tree that an actuator drives."""
-    at_joint = np.isin(model.actuator_trntype, _AT_JOINT)
+    at_joint = np.isin(model.actuator_trntype, AT_JOINT)
     joints = np.asarray(model.actuator_trnid)[at_joint, 0]
     driven = joints[np.isin(model.jnt_type[joints], _SCALAR)]
     is_own = model.body_rootid[model.jnt_bodyid[driven]] == model.body_rootid[root]
