@@ -4,6 +4,8 @@ import math
 
 _SCALED = {"mm": 1e3, "mm/s": 1e3, "ms": 1e3, "us": 1e6}
 """Units that are printed for SI numbers, and the factor from the SI unit."""
+LEAST_ERROR = 1e-4
+"""A smaller numerical error decides nothing: tables write 0 %, without its body."""
 
 
 def format_amount(
@@ -53,6 +55,11 @@ def format_amount(
 def format_percent(share: float | None, *, signed: bool = False) -> str:
     """Return a share in percent: two digits, or all before the point."""
     return format_amount(share, "%", signed=signed)
+
+
+def format_error(share: float) -> str:
+    """Return a numerical error in percent; `below 0.01 %` where tables write 0 %."""
+    return f"below {format_percent(LEAST_ERROR)}" if share < LEAST_ERROR else format_percent(share)
 
 
 def format_interval(low: float | None, high: float | None, unit: str = "%") -> str:

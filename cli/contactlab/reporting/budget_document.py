@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from contactlab.rendering.amounts import (
+    LEAST_ERROR,
     format_above,
     format_amount,
     format_percent,
@@ -39,7 +40,6 @@ _HEADS = (
     Column("time", "right"),
     Column("worst body, when", breakable=True),
 )
-_NOTHING = 1e-4  # a smaller share is written as 0 %, and has no worst body
 DEFINITION = "error budget: residual force as a share of the real forces, in the worst body"
 NOTES = (
     "Bars are logarithmic, from 0.1 to 1000 %. The time is that of a run with the change over one "
@@ -81,7 +81,7 @@ def phase_section(phase: BudgetPhase, begin: float, tolerance: float) -> Section
     )
     rows = [PlacedRow(row, begin) for row in phase.rows if row.exercised]
     drift = phase.energy_drift
-    is_drifting = drift is None or abs(drift) >= _NOTHING
+    is_drifting = drift is None or abs(drift) >= LEAST_ERROR
     signed = format_percent(math.inf if drift is None else drift, signed=True)
     others = [f"energy drift {signed if is_drifting else '0 %'}"]
     if phase.upper_bound is not None:
@@ -167,7 +167,7 @@ def _table_row(placed: PlacedRow, group: str, tolerance: float) -> Row:
     when = "" if row.time is None else f", {placed.begin + row.time:.2f} s"
     exceeds = error is not None and error > tolerance
     text = format_above(error, tolerance) if error and exceeds else _shorten_share(error)
-    where = f"{row.body}{when}" if error is not None and error >= _NOTHING else ""
+    where = f"{row.body}{when}" if error is not None and error >= LEAST_ERROR else ""
     ratio = format_amount(row.time_ratio.ratio, "x") if row.time_ratio else ""
     is_judged = not group or row.kind in {"numerics", "model"}
     bar = Bar(_place_along_bar(error or 0.0), _place_along_bar(tolerance), exceeds and is_judged)
@@ -181,7 +181,7 @@ def seeds_text(low: float, high: float) -> str:
 
 
 def _shorten_share(share: float | None) -> str:
-    return "0 %" if share is not None and share < _NOTHING else format_percent(share)
+    return "0 %" if share is not None and share < LEAST_ERROR else format_percent(share)
 
 
 def _place_along_bar(share: float) -> float:

@@ -18,7 +18,7 @@ from contactlab.measure.backward_error import step_dependent
 from contactlab.measure.entries import labels_with
 from contactlab.mjcf import MODEL_ENGINE
 from contactlab.plan.task_options import TaskOptions
-from contactlab.rendering.amounts import format_percent
+from contactlab.rendering.amounts import LEAST_ERROR, format_error, format_percent
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import EvidenceRecord
@@ -81,7 +81,7 @@ def verdict_of(
         verdict = judge(ErrorBudget(numerics), task.tolerance)
         word = verdict.word
         worst = max(budget.phases, key=lambda phase: phase.run.error)
-        error = f"{format_percent(worst.run.error)} in {worst.bodies[worst.run.body]}, {worst.name}"
+        error = f"{format_error(worst.run.error)} in {worst.bodies[worst.run.body]}, {worst.name}"
         sentence = (
             f"{word} (numerical error {error}; tolerance {format_percent(verdict.tolerance)})"
         )
@@ -161,5 +161,6 @@ def _describe_accurate(budget: ErrorBudget, tolerance: float) -> Iterator[tuple[
     # Yield the phases with accurate numerics, and their numerical errors in words.
     for phase in budget.phases:
         if judge(ErrorBudget((replace(phase, rows=()),)), tolerance).word == "ok":
-            error = format_percent(phase.run.error)
-            yield phase.name, f"numerical error {error} in {phase.bodies[phase.run.body]}"
+            body = phase.bodies[phase.run.body]
+            where = f" in {body}" if phase.run.error >= LEAST_ERROR else ""
+            yield phase.name, f"numerical error {format_error(phase.run.error)}{where}"

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from contactlab.judge.conclusion import failed_names
 from contactlab.modifications.catalogue import find_row, list_candidates, list_rows
-from contactlab.rendering.amounts import format_percent
+from contactlab.rendering.amounts import LEAST_ERROR, format_error, format_percent
 from contactlab.reporting.budget_document import phase_begins
 from contactlab.reporting.examination import (
     ENERGY_CHECK,
@@ -117,7 +117,9 @@ def _why_ok(report: Examination, tolerance: str) -> str:
         return "no failure label, and nothing moves in MuJoCo"
     phase = max(report.budget.phases, key=_error_of)
     worst = phase.numerical_error.body
-    return f"numerical error {format_percent(_error_of(phase))} in {worst} {tolerance}"
+    error = _error_of(phase)
+    where = f" in {worst}" if error >= LEAST_ERROR else ""
+    return f"numerical error {format_error(error)}{where} {tolerance}"
 
 
 def _waived_findings(report: Examination) -> list[Finding]:
@@ -245,7 +247,7 @@ def _place_line(report: Examination, reason: BudgetReason, phase: BudgetPhase) -
             if reason.place and not reason.place.startswith(kinds.get(reason.row, "")):
                 at = at.replace(f" at {reason.place}", f" in {reason.body}", 1)
             return (
-                f"the numerics are fine (numerical error {_format_error(_largest_error(report))}), "
+                f"the numerics are fine (numerical error {format_error(_largest_error(report))}), "
                 f"but this modeling choice decides the motion, most{at}"
             )
         case _:
@@ -281,7 +283,7 @@ def _choices_line(report: Examination, reasons: Sequence[BudgetReason]) -> str:
     # Labels have the error of their own run, which a second number seems to contradict.
     if any("numerical error" in label.reason for label in labels_in_why(report)):
         return also
-    error = format_percent(_largest_error(report))
+    error = format_error(_largest_error(report))
     fine = f"numerical error {error}, at most {format_percent(report.budget.tolerance)} is allowed"
     return "; ".join(filter(None, (also, fine)))
 
