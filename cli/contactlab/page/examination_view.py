@@ -20,6 +20,7 @@ from contactlab.palette import COLOURS, OTHERS_COLOUR
 from contactlab.rendering.document import Document
 from contactlab.rendering.html import render_html
 from contactlab.reporting.budget_document import phase_begins
+from contactlab.reporting.examination import judged_labels
 from contactlab.reporting.examination_document import describe_examination
 from contactlab.schema.error_budget import BudgetReport
 from contactlab.schema.examination import Examination
@@ -73,7 +74,7 @@ def examination_view(
     if report is None:
         return None
     budget = report.budget
-    moment = None if budget is None else _worst_moment(store, report, budget)
+    moment = None if budget is None else choose_moment(store, report, budget)
     chart = None if budget is None else _fix_chart(budget)
     return ExaminationView(
         report=report,
@@ -85,8 +86,20 @@ def examination_view(
     )
 
 
-def _worst_moment(store: Store, report: Examination, budget: BudgetReport) -> Moment | None:
-    """Return the worst window of the first reason, or of the numerical error."""
+def choose_moment(store: Store, report: Examination, budget: BudgetReport) -> Moment | None:
+    """Return the moment of an examination to film; None if no run of the store has it.
+
+    If the model fails by a label, that is its begin. Otherwise it is the worst window of the first
+    reason, or of the numerical error.
+    """
+    seeds = dict(zip(*(store.table[name].to_pylist() for name in ("seed", "run_id")), strict=True))
+    if report.verdict == "fails":
+        for label in judged_labels(report):
+            if label.time is not None and label.bodies and label.seed in seeds:
+                body, begin = label.bodies[0], label.time
+                end = begin + budget.phases[0].window
+                words = f"{label.label}: {body}, {begin:.2f} s, seed {label.seed}"
+                return Moment(seeds[label.seed], body, begin, end, words)
     if budget.reasons:
         reason = budget.reasons[0]
         phase = next(each for each in budget.phases if each.name == reason.phase)
@@ -97,7 +110,6 @@ def _worst_moment(store: Store, report: Examination, budget: BudgetReport) -> Mo
         row = phase.numerical_error
     if row.time is None or row.seed is None or row.body is None:
         return None
-    seeds = dict(zip(*(store.table[name].to_pylist() for name in ("seed", "run_id")), strict=True))
     seed = report.task.seeds[min(row.seed, len(report.task.seeds) - 1)]
     begin = phase_begins(report.task).get(phase.name, 0.0) + row.time
     if seed not in seeds:
