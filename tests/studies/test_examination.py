@@ -259,3 +259,22 @@ def test_a_label_of_many_bodies_names_the_first(count: int, where: str) -> None:
     bodies = tuple(f"b{body}" for body in range(count))
     assert LABEL.model_copy(update={"bodies": bodies}).where == where
     assert not LABEL.model_copy(update={"bodies": ("mug", *bodies)}).where, "its reason names it"
+
+
+@pytest.mark.parametrize(
+    ("sentence", "shown"),
+    [
+        ("the hook is upside down: it holds nothing", "the hook is upside down"),
+        (
+            "13 of 13 hinges turn by less than 15 degrees, as joint 'hip' from -0.2 to 0.5 degrees",
+            "13 of 13 hinges turn by less than 15 degrees",
+        ),
+        (
+            "the wheel of the left axle of the rear carriage of the second train spins in place",
+            "the wheel of the left axle of the rear carriage of the second ...",
+        ),
+    ],
+)
+def test_a_headline_ends_with_a_clause(sentence: str, shown: str) -> None:
+    cause = Cause(stage="file", sentence=sentence, fails=True)
+    assert conclude(examined("ok", causes=(cause,))).headline == f"fails: {shown}"

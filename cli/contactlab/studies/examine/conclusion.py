@@ -90,10 +90,7 @@ def _write_headline(report: Examination, verdict: VerdictWord) -> str:
     reason = next(iter(judged_reasons(report)), None)
     tolerance = f"(tolerance {format_percent(report.task.tolerance)})"
     if report.causes:
-        # At most a dozen words: the whole sentence is the first cause.
-        most_words = 13
-        clause = re.split("[:;]", report.causes[0].sentence)[0]
-        return f"{verdict}: {' '.join(clause.split()[:most_words])}"
+        return f"{verdict}: {_shorten_cause(report.causes[0].sentence)}"
     if verdict == "fails":
         labels = list(dict.fromkeys(label.label for label in judged_labels(report)))
         causes = [*labels, *(f"check {name}" for name in _failed_checks(report))]
@@ -106,6 +103,17 @@ def _write_headline(report: Examination, verdict: VerdictWord) -> str:
     if verdict == "depends":
         return f"depends on {find_row(reason.row).subject}: {reason.sentence}"
     return f"{verdict}: {reason.sentence}{'' if reason.row == 'warning' else f' {tolerance}'}"
+
+
+def _shorten_cause(sentence: str) -> str:
+    # At most a dozen words, to the end of a clause if one ends there: `why` has the whole sentence.
+    most_words = 13
+    clause = re.split("[:;]", sentence)[0]
+    words = clause.split()
+    if len(words) <= most_words:
+        return clause
+    shortened = " ".join(words[:most_words])
+    return shortened.rpartition(",")[0] or f"{shortened} ..."
 
 
 def _why_ok(report: Examination, tolerance: str) -> str:

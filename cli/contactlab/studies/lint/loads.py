@@ -151,8 +151,8 @@ def find_soft_pyramids(linted: LintedModel) -> Iterator[Fault]:
         more = format_others(len(soft_pairs) - 1, "pair")
         names = f"{linted.name('geom', first)} and {linted.name('geom', second)}"
         yield Fault(
-            f"a friction of {friction:g} makes contacts of {names} {softer:.3g} times as soft "
-            f"under pyramids: at rest they sink in by {1e3 * depth:.3g} mm{more}; write "
+            f"friction {friction:g} under pyramids softens contacts of {names} {softer:.3g} "
+            f"times: at rest they sink in by {1e3 * depth:.3g} mm{more}; write "
             'cone="elliptic", or a friction of about 1',
             linted.place("geom", first),
             linted.set_in("option", cone="elliptic"),
