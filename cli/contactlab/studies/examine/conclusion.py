@@ -202,7 +202,8 @@ def _list_numerics(report: Examination, verdict: VerdictWord) -> Iterator[str]:
             begin = phase_begins(report.task).get(phase.name, 0.0)
             time = begin + (phase.numerical_error.time or 0.0)
             where = f"; the numerical error is largest at {place}, {time:.2f} s"
-            yield f"no failure label{where if place else ''}"
+            is_measurable = place and _error_of(phase) >= LEAST_ERROR
+            yield f"no failure label{where if is_measurable else ''}"
         elif NUMERICAL_CHECK not in _failed_checks(report):
             yield _choices_line(report, ())
         return
