@@ -62,6 +62,11 @@ def format_error(share: float) -> str:
     return f"below {format_percent(LEAST_ERROR)}" if share < LEAST_ERROR else format_percent(share)
 
 
+def format_table_error(share: float | None) -> str:
+    """Return a numerical error in a table: in percent, and 0 % below 0.01 %."""
+    return "0 %" if share is not None and share < LEAST_ERROR else format_percent(share)
+
+
 def format_interval(low: float | None, high: float | None, unit: str = "%") -> str:
     """Return `58 to 92 %`: two numbers with their unit written once."""
     suffix = "" if unit == "x" else f" {unit}"

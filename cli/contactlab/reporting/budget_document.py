@@ -9,6 +9,7 @@ from contactlab.rendering.amounts import (
     format_above,
     format_amount,
     format_percent,
+    format_table_error,
 )
 from contactlab.rendering.document import (
     Bar,
@@ -166,7 +167,7 @@ def _table_row(placed: PlacedRow, group: str, tolerance: float) -> Row:
     spread = seeds_text(*row.seeds) if row.seeds and row.error is not None else ""
     when = "" if row.time is None else f", {placed.begin + row.time:.2f} s"
     exceeds = error is not None and error > tolerance
-    text = format_above(error, tolerance) if error and exceeds else _shorten_share(error)
+    text = format_above(error, tolerance) if error and exceeds else format_table_error(error)
     where = f"{row.body}{when}" if error is not None and error >= LEAST_ERROR else ""
     ratio = format_amount(row.time_ratio.ratio, "x") if row.time_ratio else ""
     is_judged = not group or row.kind in {"numerics", "model"}
@@ -176,12 +177,8 @@ def _table_row(placed: PlacedRow, group: str, tolerance: float) -> Row:
 
 def seeds_text(low: float, high: float) -> str:
     """Return the range of an error over seeds as text; "" if they are equal."""
-    first, last = (_shorten_share(value).removesuffix(" %") for value in (low, high))
+    first, last = (format_table_error(value).removesuffix(" %") for value in (low, high))
     return "" if first == last else f"{first}-{last} %"
-
-
-def _shorten_share(share: float | None) -> str:
-    return "0 %" if share is not None and share < LEAST_ERROR else format_percent(share)
 
 
 def _place_along_bar(share: float) -> float:

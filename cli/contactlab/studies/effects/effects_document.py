@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from contactlab.printable import shell_word, shorten_lines
-from contactlab.rendering.amounts import format_percent
+from contactlab.rendering.amounts import format_table_error
 from contactlab.rendering.document import (
     Block,
     Code,
@@ -63,7 +63,7 @@ def describe_effects(report: EffectsReport, *, folder: Path | None = None) -> Do
 
 
 def _describe_row(part: PartEffect) -> tuple[str, ...]:
-    error = "" if part.error is None else format_percent(part.error)
+    error = "" if part.error is None else format_table_error(part.error)
     ratio, time = part.time_ratio, ""
     if ratio is not None:
         # A difference within noise does not count.
