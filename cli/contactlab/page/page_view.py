@@ -91,7 +91,10 @@ class StableTile(NamedTuple):
 
 @dataclass(frozen=True)
 class HeadView:
-    """The head: finding, sentences, picture, films, and the run to look at first, id and label."""
+    """The head: finding, sentences, picture, films, and the run to look at first, id and label.
+
+    Notes are on data that the page aggregates, remarks on the store.
+    """
 
     finding: str
     reality: str
@@ -100,6 +103,7 @@ class HeadView:
     first: tuple[str, str] | None
     stable_tiles: Sequence[StableTile]
     notes: tuple[str, ...]
+    remarks: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -307,7 +311,7 @@ def page_view(store: Store, request: PageRequest) -> PageView:
 def head_view(
     data: ReportData, request: PageRequest, reality: RealityView | None, notes: Sequence[str]
 ) -> HeadView:
-    """Return the head of a page; its notes include equal runs and damaged traces."""
+    """Return the head of a page; its remarks are on equal runs and damaged traces."""
     first = first_look(data)
     pictured = first[0] if first else None
     shows_films = request.traces and request.examination is None
@@ -324,7 +328,8 @@ def head_view(
         focal=focal,
         first=first,
         stable_tiles=[] if request.examination else [*list_stable_tiles(data)],
-        notes=(*notes, *equal_runs, *trace_warning(data.store)),
+        notes=(*notes,),
+        remarks=(*equal_runs, *trace_warning(data.store)),
     )
 
 
@@ -585,14 +590,15 @@ def comparison_view(data: ReportData, request: PageRequest) -> ComparisonView | 
 
 
 def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]:
-    """Return the page of a store, and notes on omitted data."""
+    """Return the page of a store, with notes on omitted data and remarks on the store."""
     # Markup is text of our own; all other text may be data.
     environment = open_templates(finalize=visible_or_other)
     environment.filters.update(_FILTERS)
     # Altair's checks of each part take longer than the page; tests/reporting makes them.
     with debug_mode(False), store.keeping_trace():
         view = page_view(store, request)
-    return environment.get_template("page.html").render(view=view), view.head.notes
+    notes = (*view.head.notes, *view.head.remarks)
+    return environment.get_template("page.html").render(view=view), notes
 
 
 def _format_number(value: float | None) -> str:
