@@ -71,7 +71,7 @@ def _describe_axis(axis: GridAxis, equal: _EqualRuns, columns: RunColumns) -> st
     masks = np.unique(equal.values).tolist()
     examples = [
         " = ".join(
-            number_with_unit(tick, axis.unit)
+            number_with_unit(tick, axis.amount_unit)
             for code, tick in enumerate(axis.ticks)
             if mask >> code & 1
         )
