@@ -271,7 +271,7 @@ def test_a_label_of_many_bodies_names_the_first(count: int, where: str) -> None:
         ),
         (
             "the wheel of the left axle of the rear carriage of the second train spins in place",
-            "the wheel of the left axle of the rear carriage of the second ...",
+            "the wheel of the left axle of the rear carriage of the second train ...",
         ),
     ],
 )

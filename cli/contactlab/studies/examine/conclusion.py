@@ -106,8 +106,8 @@ def _write_headline(report: Examination, verdict: VerdictWord) -> str:
 
 
 def _shorten_cause(sentence: str) -> str:
-    # At most a dozen words, to the end of a clause if one ends there: `why` has the whole sentence.
-    most_words = 13
+    # To the end of a clause if one ends there: `why` has the whole sentence.
+    most_words = 14  # 15 with the verdict
     clause = re.split("[:;]", sentence)[0]
     words = clause.split()
     if len(words) <= most_words:
