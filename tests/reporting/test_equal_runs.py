@@ -60,6 +60,13 @@ def test_sentences_agree_with_a_look_at_every_pair_of_runs(runs: dict[Any, int])
                 assert " = ".join("pqr"[code] for code in sorted(each)) in own[0]
 
 
+def test_runs_without_a_trajectory_equal_no_other() -> None:
+    texts = np.array([b"", b"", b"", b"f" * 32], "S32")
+    columns = cast(RunColumns, SimpleNamespace(runs=4, byte_strings=lambda _name: texts))
+    axes = [axis_of("a", [0, 1, 0, 1]), axis_of("b", [0, 0, 1, 1])]
+    assert [*describe_equal_runs(axes, columns)] == []
+
+
 def test_refsafe_and_an_unloaded_friction_are_named(tmp_path: Path) -> None:
     """A time constant below two steps acts as two steps: both values at 5 and at 10 ms."""
     store = run(SWEEP, tmp_path)

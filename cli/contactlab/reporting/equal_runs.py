@@ -32,18 +32,26 @@ class _EqualRuns:
 def describe_equal_runs(axes: Sequence[GridAxis], columns: RunColumns) -> Iterator[str]:
     """Yield a sentence for each axis that has values with the same run, bit for bit.
 
-    Runs are equal if time, positions, velocities and activations of all their steps are. Stores
-    with an axis in bins are skipped: hardly two of their runs differ in one axis alone.
+    Runs are equal if time, positions, velocities and activations of all their steps are; runs
+    without a trajectory equal no other. Stores with an axis in bins are skipped: hardly two of
+    their runs differ in one axis alone. So are large ones, which sorting would slow down.
     """
     most_bits = 63  # of a mask in 64 bits with a sign
+    most_runs = 200_000  # a summary of as many takes a second, and sorting their hashes another
+    if columns.runs > most_runs:
+        return
     if any(axis.numbers is not None or len(axis.ticks) > most_bits for axis in axes):
         return
-    _, trajectories = np.unique(columns.byte_strings("trajectory_hash"), return_inverse=True)
-    if trajectories.max(initial=0) + 1 == columns.runs:
+    hashes, trajectories = np.unique(columns.byte_strings("trajectory_hash"), return_inverse=True)
+    is_unknown = hashes[trajectories] == b""
+    trajectories = np.where(is_unknown, len(hashes) + np.arange(columns.runs), trajectories)
+    if not (np.bincount(trajectories) > 1).any():
         return
     for axis in axes:
+        if axis.name == SEED:
+            continue
         equal = _find_equal_runs(axis, axes, trajectories)
-        if axis.name != SEED and len(equal.first):
+        if len(equal.first):
             yield _describe_axis(axis, equal, columns)
 
 

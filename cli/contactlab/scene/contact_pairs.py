@@ -103,6 +103,10 @@ def _likely_pairs(
         gaps[flat[first] | flat[second]] = -np.finfo(float).max / 2
         return groups, gaps
 
+    def widen_bound(bound: float) -> float:
+        # Equal gaps of a regular scene differ by rounding, and are ranked by exact ones later.
+        return bound + 1e-9 * (1 + abs(bound))
+
     def keep_likely(codes: NDArray[np.intp]) -> NDArray[np.intp]:
         codes = np.setdiff1d(codes, known)
         groups, gaps = measure_pairs(codes)
@@ -111,7 +115,7 @@ def _likely_pairs(
             inside, own = codes[groups == group], gaps[groups == group]
             if len(inside) > left > 0:
                 bound = np.partition(own, left - 1)[left - 1]
-                inside = inside[own <= bound + 1e-9 * (1 + abs(bound))]
+                inside = inside[own <= widen_bound(bound)]
             kept.append(inside if left > 0 else inside[:0])
             left -= len(inside)
         return np.concatenate(kept)
@@ -124,7 +128,7 @@ def _likely_pairs(
         last = own_groups.max()
         bound = own_gaps[own_groups == last].max()
         groups, gaps = measure_pairs(codes)
-        return codes[(groups < last) | ((groups == last) & (gaps <= bound))]
+        return codes[(groups < last) | ((groups == last) & (gaps <= widen_bound(bound)))]
 
     likely = np.array([*zip(model.pair_geom1, model.pair_geom2, strict=True)], np.intp)
     likely = np.sort(likely.reshape(-1, 2), axis=1) @ np.array([model.ngeom, 1])
