@@ -44,16 +44,21 @@ def bodies_of_tendon(model: mujoco.MjModel, index: int) -> tuple[str, ...]:
     return moving_bodies(model, find_tendon_bodies(model, index))
 
 
-def bodies_of_actuator(model: mujoco.MjModel, index: int) -> tuple[str, ...]:
+def find_actuator_bodies(model: mujoco.MjModel, index: int) -> list[int]:
     """Return the bodies that an actuator moves."""
     kind, ends = int(model.actuator_trntype[index]), np.asarray(model.actuator_trnid[index])
     if kind in AT_JOINT:
-        return moving_bodies(model, np.asarray(model.jnt_bodyid)[ends[:1]])
+        return np.asarray(model.jnt_bodyid)[ends[:1]].tolist()
     if kind == _TRN.mjTRN_TENDON:
-        return bodies_of_tendon(model, int(ends[0]))
+        return find_tendon_bodies(model, int(ends[0]))
     if kind in _SITE_TRANSMISSIONS:
-        return moving_bodies(model, np.asarray(model.site_bodyid)[ends[ends >= 0]])
-    return moving_bodies(model, ends[:1] if kind == _TRN.mjTRN_BODY else [])
+        return np.asarray(model.site_bodyid)[ends[ends >= 0]].tolist()
+    return ends[:1].tolist() if kind == _TRN.mjTRN_BODY else []
+
+
+def bodies_of_actuator(model: mujoco.MjModel, index: int) -> tuple[str, ...]:
+    """Return the names of the moving bodies that an actuator moves."""
+    return moving_bodies(model, find_actuator_bodies(model, index))
 
 
 def find_equality_bodies(model: mujoco.MjModel, index: int) -> list[int]:
@@ -89,13 +94,12 @@ def is_held_from_outside(model: mujoco.MjModel, root: int) -> bool:
     ]
     if any(bodies & own and bodies - own for bodies in connected):
         return True
-    names = {name_of(model, "body", body) for body in own}
     for index, kind in enumerate(model.actuator_trntype.tolist()):
         joint = int(model.actuator_trnid[index, 0])
         is_inner = kind == _TRN.mjTRN_TENDON or (
             kind in AT_JOINT and model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE
         )
-        if not is_inner and not names.isdisjoint(bodies_of_actuator(model, index)):
+        if not is_inner and not own.isdisjoint(find_actuator_bodies(model, index)):
             return True
     return False
 

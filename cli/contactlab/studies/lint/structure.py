@@ -171,13 +171,16 @@ def list_unsupported_roots(model: mujoco.MjModel) -> Iterator[int]:
     floats = model.opt.density > 0 or model.body_gravcomp.any() or model.nmocap or model.nflex
     if not falls or floats:
         return
-    for joint in np.flatnonzero(model.jnt_type == _FREE).tolist():
-        root = int(model.jnt_bodyid[joint])
-        own = model.body_rootid[model.geom_bodyid] == model.body_rootid[root]
-        if is_held_from_outside(model, root):
-            continue
-        if not any(own[first] != own[second] for first, second in touch_pairs(model)):
-            yield root
+    free = np.asarray(model.jnt_bodyid)[model.jnt_type == _FREE].tolist()
+    roots = [root for root in free if not is_held_from_outside(model, root)]
+    if not roots:
+        return
+    owners = model.body_rootid[model.geom_bodyid].tolist()
+    touching = set[int]()
+    for first, second in touch_pairs(model):
+        if owners[first] != owners[second]:
+            touching.update((owners[first], owners[second]))
+    yield from (root for root in roots if model.body_rootid[root] not in touching)
 
 
 def find_driven_joints(model: mujoco.MjModel, root: int) -> list[int]:
