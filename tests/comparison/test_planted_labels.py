@@ -1,6 +1,7 @@
 """Planted changes of labels: the right verdict, the right exit code, a line that says it."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import pytest
 
 from contactlab.comparison.compare_stores import compare_stores
 from contactlab.comparison.report import report_of
+from contactlab.measure import LABELS
 from contactlab.schema.comparison import ComparePolicy, ComparisonReport
 from contactlab.schema.finding import Finding
 from contactlab.writers import as_text
@@ -177,3 +179,19 @@ def test_no_store_decides_the_order_of_known_labels(
     flipped.label(5, "tunneling")
     report = compare_stores(baseline, stored("flipped", flipped))
     assert (report.verdict, report.exit_code) == ("worse", 1)
+
+
+def test_the_worst_runs_of_a_label_are_shown(
+    baseline: Path, runs: Runs, stored: Stored, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They are those deepest, and more than are shown have the label."""
+    judged = replace(LABELS["tunneling"], judged_on=(("depth", ""),))
+    monkeypatch.setitem(LABELS, "tunneling", judged)
+    deep = runs()
+    depths = [1.0, 4.0, 2.0, 7.0, 3.0, 6.0, 5.0]
+    for index, depth in enumerate(depths):
+        deep.label(index, "tunneling")
+        deep.measure(index, depth=depth)
+    found = check(compare_stores(baseline, stored("deep", deep)), "no new tunneling")
+    shown = [int(pair.candidate_run or "0", 16) - 1 for pair in found.worst]
+    assert shown == [3, 5, 6, 1, 4]

@@ -14,7 +14,7 @@ from tests.reporting.test_map_cells import axis
 from contactlab.errors import OutputError, SceneError
 from contactlab.page import header_films as page_pictures
 from contactlab.page.header_films import header_films
-from contactlab.page.page_view import first_look, list_stable_tiles
+from contactlab.page.page_view import first_look, list_stable_tiles, listed_runs
 from contactlab.page.report_files import write_page
 from contactlab.page.sentences import (
     closest_settings,
@@ -23,8 +23,10 @@ from contactlab.page.sentences import (
     tradeoff_sentence,
 )
 from contactlab.rendering.amounts import format_amount
+from contactlab.rendering.text import render_text
 from contactlab.reporting.report import PageRequest, ReportData, read_report_data
 from contactlab.reporting.report_columns import Quantity
+from contactlab.reporting.store_document import describe_store
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.store.finished_store import Store
@@ -164,6 +166,24 @@ def test_a_page_without_films_has_drawings_or_the_reason(
     focal = page_pictures.focal_picture(data, first[0])
     assert (focal is not None) == drawable
     assert not header_films(data, first[0], has_moment=True).missing
+
+
+def test_the_worst_run_of_each_label_comes_first(swept: Swept) -> None:
+    """In the head, the list of runs, their series and the summary."""
+    store = swept("bounce")
+    data = read_report_data(store)
+    gains = store.columns.numbers("energy_gain").values
+    failing = data.labels.names.index("energy_injection")
+    rows = data.labels.worst_rows(store, failing)
+    assert rows.tolist() == sorted(
+        np.flatnonzero(data.labels.codes == failing), key=lambda row: (-gains[row], row)
+    )
+    listed = [row[0] for row in listed_runs(data).rows if row[1] == "energy_injection"]
+    assert listed == [store.columns.run_id(row) for row in rows]
+    worst = store.columns.run_id(int(data.labels.worst_rows(store, 0)[0]))
+    assert f"look closer: contactlab show {store.address} {worst[:8]}" in render_text(
+        describe_store(store), width=200
+    )
 
 
 @pytest.mark.long

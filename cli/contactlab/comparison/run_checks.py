@@ -33,6 +33,7 @@ from contactlab.judge.subjects import (
     verdict_counts,
 )
 from contactlab.judge.wording import format_settings, out_of, plural
+from contactlab.judge.worst_runs import order_worst_first
 from contactlab.pareto.analysis import analyze_tradeoff
 from contactlab.rendering.amounts import format_percent
 from contactlab.schema.comparison import AllowedTransition, Transition
@@ -183,8 +184,11 @@ def _label_check(labels: PairLabels, subject: Subject, rank: int, members: Rows)
     if label in labels.notes and gained.any():
         parts.append(labels.notes[label])
 
-    shown_pairs = members[np.flatnonzero(verdicts == verdicts.max(initial=SAME))[:MOST_SHOWN]]
-    shown_pairs = shown_pairs if verdicts.any() else shown_pairs[:0]
+    shown_pairs = members[verdicts == verdicts.max(initial=SAME)] if verdicts.any() else members[:0]
+    # The store in which runs have the label tells which of them is worst.
+    is_gone = verdicts.max(initial=SAME) == BETTER
+    store, rows = labels.paired.sides[0 if is_gone else 1]
+    shown_pairs = shown_pairs[order_worst_first(store, label, rows[shown_pairs])][:MOST_SHOWN]
     worst = labels.paired.run_pairs(
         shown_pairs.tolist(),
         [ranks[code] for code in labels.before[shown_pairs].tolist()],

@@ -6,6 +6,7 @@ import numpy as np
 
 from contactlab.judge.subjects import MOST_SHOWN
 from contactlab.judge.wording import out_of
+from contactlab.judge.worst_runs import worst_first
 from contactlab.schema.finding import Finding, RunPair
 from contactlab.store.finished_store import Store
 
@@ -59,12 +60,13 @@ def _make_finding(
 
 
 def _unmet_runs(store: Store) -> tuple[RunPair, ...]:
-    """Return the first runs that are not as expected, each with the reason."""
+    """Return the worst runs that are not as expected, each with the reason."""
     columns = store.columns
     unmet = columns.numbers("expectation_met")
-    rows = np.flatnonzero(unmet.valid & (unmet.values == 0))[:MOST_SHOWN].tolist()
-    if not rows:
+    unmet_rows = np.flatnonzero(unmet.valid & (unmet.values == 0))
+    if not len(unmet_rows):
         return ()
+    rows = worst_first(store, unmet_rows)[:MOST_SHOWN].tolist()
     names = ["run_id", "expectation_reason", "label", *columns.axis_names]
     return tuple(
         RunPair(

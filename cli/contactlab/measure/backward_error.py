@@ -181,6 +181,7 @@ def largest_energy_change(context: Context, run: int) -> tuple[str, int]:
     "noted",
     rank=0.5,
     thresholds=(TOLERANCE,),
+    judged_on=(("friction_effect", TOLERANCE.name), ("softness_effect", TOLERANCE.name)),
     letter="8",
     colour="#e8ffff",
     advice="none if intended; otherwise an elliptic cone with impratio 10, or a shorter solref",

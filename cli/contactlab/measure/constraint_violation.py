@@ -205,6 +205,10 @@ def constraint_violation_rest(context: Context) -> Floats:
     "bad",
     rank=5,
     thresholds=(_PEAK_THRESHOLD, TOLERANCE, RATE),
+    judged_on=(
+        (_PEAK_THRESHOLD.name, _PEAK_THRESHOLD.name),
+        ("constraint_violation_rest", TOLERANCE.name),
+    ),
     letter="V",
     colour="#703efa",
     advice="a shorter time constant of limit or equality, or less load",

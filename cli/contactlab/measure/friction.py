@@ -182,6 +182,7 @@ def normal_impulse(context: Context) -> Floats:
     "poor",
     rank=1,
     thresholds=(_CREEP_SPEED, RATE),
+    judged_on=((_CREEP_SPEED.name, _CREEP_SPEED.name), ("crept", RATE.name)),
     letter="R",
     colour="#480f50",
     advice="an elliptic cone with impratio 10, or a shorter time constant of solref",

@@ -233,6 +233,7 @@ def list_final_falls(context: Context) -> dict[int, str]:
         ),
         TOLERANCE,
     ),
+    judged_on=(("energy_gain", "energy_gain"), ("backward_error_energy", TOLERANCE.name)),
     letter="E",
     colour="#d71ec9",
     advice="a timestep of at most 0.8 times timeconst times dampratio of solref",

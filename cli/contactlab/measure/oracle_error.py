@@ -53,6 +53,7 @@ def oracle_error(context: Context) -> Floats:
     "noted",
     rank=2,
     thresholds=(TOLERANCE,),
+    judged_on=(("oracle_error", ""), ("at_rest_error", TOLERANCE.name)),
     letter="O",
     colour="#507954",
     advice="a shorter timestep; an error that remains is the model's, as of pyramidal cones",

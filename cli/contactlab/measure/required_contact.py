@@ -30,6 +30,7 @@ Faults = Iterator[tuple[str, str, Mask]]
     "noted",
     rank=4,
     thresholds=(MODE_HOLD,),
+    judged_on=(("requirement_margin", ""),),
     letter="5",
     colour="#b3d789",
     advice="change friction or priority until the pair sticks or slides, or correct `must`",

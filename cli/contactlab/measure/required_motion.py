@@ -34,6 +34,7 @@ Fault = tuple[str, int]
     "noted",
     rank=6,
     thresholds=(MODE_HOLD,),
+    judged_on=(("requirement_margin", ""),),
     letter="7",
     colour="#8cbf7a",
     advice="fix the model, or correct the requirement in `must`",

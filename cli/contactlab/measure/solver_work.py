@@ -73,6 +73,7 @@ def ungraded_contacts(context: Context) -> Floats:
     "bad",
     rank=9,
     thresholds=(TOLERANCE,),
+    judged_on=(("solver_residual", TOLERANCE.name),),
     letter="N",
     colour="#2701df",
     advice="solver Newton, more iterations; or softer contacts (solref)",
@@ -95,6 +96,7 @@ def solver_nonconvergence(runs: MeasuredRuns) -> OnsetIterator:
     "noted",
     rank=1,
     name="contacts_cut",
+    judged_on=(("contacts_cut", ""),),
     letter="6",
     colour="#622c63",
     advice="more `slots` of the pair in the scene",
@@ -202,6 +204,10 @@ def repeats(context: Context) -> Floats:
     "bad",
     rank=10,
     thresholds=(TOLERANCE,),
+    judged_on=tuple(
+        (name, TOLERANCE.name)
+        for name in ("cone_violation", "solver_residual", "jacobian_difference")
+    ),
     letter="I",
     colour="#c3be22",
     advice="jacobian dense, solver Newton, and a smaller tolerance",
@@ -241,6 +247,7 @@ def solver_inconsistent(runs: MeasuredRuns) -> OnsetIterator:
     "bad",
     rank=6,
     thresholds=(_DISTANCE_THRESHOLD,),
+    judged_on=(("overlap_missed", _DISTANCE_THRESHOLD.name),),
     letter="M",
     colour="#4210a9",
     advice="contype, conaffinity and exclude: let the pair collide; multiccd for meshes",
@@ -258,6 +265,7 @@ def missed_contact(runs: MeasuredRuns) -> OnsetIterator:
     "bad",
     rank=4,
     thresholds=(_DISTANCE_THRESHOLD,),
+    judged_on=(("distance_phantom", _DISTANCE_THRESHOLD.name),),
     letter="H",
     colour="#867efa",
     advice="margin 0, or a convex shape that is closer to the visible shape",

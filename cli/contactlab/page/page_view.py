@@ -13,6 +13,7 @@ import numpy as np
 from altair.utils.schemapi import debug_mode
 
 from contactlab.charts import Spec, colours_on_dark, static_svg, vega_bundle
+from contactlab.judge.worst_runs import worst_first
 from contactlab.page.engine_parts import EngineParts, engine_parts, engines_sentence
 from contactlab.page.examination_view import ExaminationView, examination_view
 from contactlab.page.header_films import Films, FocalPicture, focal_picture, header_films
@@ -373,7 +374,9 @@ def first_look(data: ReportData) -> tuple[str, str] | None:
     candidates = candidates if len(candidates) else np.flatnonzero(labels.failed)
     if not len(candidates):
         return None
-    row = int(candidates[labels.codes[candidates].argmin()])
+    code = int(labels.codes[candidates].min())
+    worst = labels.worst_rows(data.store, code)
+    row = int(worst[np.isin(worst, candidates)][0])
     return data.store.columns.run_id(row), labels.names[labels.codes[row]]
 
 
@@ -488,7 +491,8 @@ def listed_runs(data: ReportData) -> Table:
     worst = list[int]()
     for code in range(len(data.labels.names)):
         if len(worst) < most_listed:
-            worst += np.flatnonzero(data.labels.codes == code)[: most_listed - len(worst)].tolist()
+            own = data.labels.worst_rows(data.store, code)
+            worst += own[: most_listed - len(worst)].tolist()
     # One column at a time is in memory.
     quantities = [
         Quantity(quantity.column, quantity.values[worst])
@@ -527,7 +531,7 @@ def effects_view(data: ReportData) -> EffectsView | None:
 
 
 def expectations_view(store: Store) -> ExpectationsView | None:
-    """Return expectations and the first runs that do not meet theirs; None without expectations."""
+    """Return expectations and the worst runs that do not meet theirs; None without expectations."""
     rows = list[tuple[str, str, str]]()
     sweep = store.sweep
     for expectation in sweep.expect:
@@ -547,7 +551,8 @@ def expectations_view(store: Store) -> ExpectationsView | None:
     unexpected = list[tuple[str, str, str]]()
     if store.manifest.expectations.get("unmet", 0):
         most_listed = 50
-        unmet = np.flatnonzero(store.columns.numbers("expectation_met").values == 0)
+        unmet_rows = np.flatnonzero(store.columns.numbers("expectation_met").values == 0)
+        unmet = worst_first(store, unmet_rows)
         for row in store.columns.select_values(
             ["run_id", "label", "expectation_reason"], unmet[:most_listed].tolist()
         ):

@@ -179,7 +179,7 @@ def _selected_runs(data: ReportData, with_series: Sequence[int]) -> Codes:
     """Return the runs of an aggregated page: some of each label, and one of each cell."""
     labels = data.labels
     codes = range(len(labels.names))
-    selected = [np.flatnonzero(labels.codes == code)[: _RULES.runs_per_label] for code in codes]
+    selected = [labels.worst_rows(data.store, code)[: _RULES.runs_per_label] for code in codes]
     if data.map_axes is not None:
         selected.append(data.map_axes.firsts)
     return np.unique(np.concatenate([np.array(with_series, dtype=np.int64), *selected]))
@@ -197,7 +197,7 @@ def _by_interest(data: ReportData) -> Iterator[int]:
             place = columns.place_of(run.run_id)
             yield from () if place is None else (place,)
     for code in range(len(data.labels.names)):
-        yield from np.flatnonzero(data.labels.codes == code)[: _RULES.series_per_label].tolist()
+        yield from data.labels.worst_rows(data.store, code)[: _RULES.series_per_label].tolist()
     if data.map_axes is not None:
         yield from np.sort(data.map_axes.firsts).tolist()
     yield from range(min(columns.runs, _RULES.other_series))
@@ -217,6 +217,7 @@ def _run_columns(
     columns: dict[str, NDArray[Any]] = {
         "id": run_id_halves(data.store.columns.read_ids()[rows]),
         "label": packed_integers(labels.codes[rows]),
+        "rank": packed_integers(_worst_ranks(data, rows)),
         "labels": (masks & 0xFFFFFFFF).astype("u4"),
         "labels:high": (masks >> 32).astype("u4"),
         "expected": packed_integers(expected),
@@ -246,6 +247,14 @@ def _run_columns(
             },
         }
     return columns
+
+
+def _worst_ranks(data: ReportData, rows: Codes) -> Codes:
+    # (m,) the place of each row, the worst label first, and of each label the worst run.
+    order = [data.labels.worst_rows(data.store, code) for code in range(len(data.labels.names))]
+    ranks = np.empty(data.store.columns.runs, np.int64)
+    ranks[np.concatenate(order)] = np.arange(len(ranks))
+    return np.argsort(np.argsort(ranks[rows]))
 
 
 def _tradeoff_data(report: TradeoffReport) -> dict[str, Any]:

@@ -134,6 +134,13 @@ class RunLabels:
         """(n,) whether a run has a failure label."""
         return np.array([name != STABLE for name in self.names], dtype=bool)[self.codes]
 
+    def worst_rows(self, store: Store, code: int) -> NDArray[np.intp]:
+        """Return the runs with a worst label, by its code: the worst by its metrics first."""
+        from contactlab.judge.worst_runs import order_worst_first  # noqa: PLC0415 - takes a while
+
+        rows = np.flatnonzero(self.codes == code)
+        return rows[order_worst_first(store, self.names[code], rows)]
+
     @property
     def legend(self) -> tuple[str, ...]:
         """Labels with their letters in front."""

@@ -77,7 +77,7 @@ def describe_store(store: Store) -> Document:
         runs = f"{manifest.runs:,} of {sweep.whole.runs:,} runs ({part})"
     path = store.address
     blocks.append(Sentence(f"{runs}, {manifest.traces:,} traces in {path}"))
-    look = columns.run_id(int(labels.codes.argmin()))[:_ID_DIGITS]
+    look = columns.run_id(int(labels.worst_rows(store, int(labels.codes.min()))[0]))[:_ID_DIGITS]
     closer = f"look closer: contactlab show {shell_word(path)} {look}"
     blocks.append(Code((closer, f"one page: contactlab report {shell_word(path)}"), indent=0))
     return document_of(Section(tuple(blocks), "summary"))

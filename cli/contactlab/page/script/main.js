@@ -165,8 +165,9 @@ function moved(page, [right, up]) {
 function openCell(page, cell, move = true) {
   const [at, x, y] = cell;
   const panel = page.panels[at];
-  const rows = panel?.cells[y * panel.across + x]?.rows;
-  if (!rows) return;
+  const cellRows = panel?.cells[y * panel.across + x]?.rows;
+  if (!cellRows) return;
+  const rows = [...cellRows].sort((a, b) => page.columns.rank[a] - page.columns.rank[b]);
   page.state.cell = cell;
   focusCell(page, cell);
   showRuns(page, rows, cellText(page.state, panel, y * panel.across + x));
@@ -185,12 +186,12 @@ function showRuns(page, rows, title) {
   find("run-list").replaceChildren(...[element("h3", {}, title), few, ...list].filter(Boolean));
 }
 
-// Before the reader selects anything: some runs that fail, the worst labels first.
+// Before the reader selects anything: some runs that fail, the worst first.
 function showFirst(page) {
   const stable = metadata.labels.names.indexOf("stable");
   const rows = Array.from({ length: metadata.runs }, (_, row) => row);
   const failed = rows.filter((row) => page.columns.label[row] !== stable);
-  const worst = failed.sort((a, b) => page.columns.label[a] - page.columns.label[b] || a - b).slice(0, MOST_FIRST);
+  const worst = failed.sort((a, b) => page.columns.rank[a] - page.columns.rank[b]).slice(0, MOST_FIRST);
   const first = find("first") ?? document.querySelector("[data-open]");
   const row = rowOf(page.columns, first?.dataset.open ?? idOf(page.columns, 0));
   if (!page.state.run) openRun(page, row, false, true);

@@ -6,7 +6,7 @@ function columnsOf(page) {
   const { columns } = page;
   return [
     { name: "run", text: (row) => idOf(columns, row).slice(0, 8), key: (row) => row },
-    { name: "label", text: (row) => metadata.labels.names[columns.label[row]], key: (row) => columns.label[row] },
+    { name: "label", text: (row) => metadata.labels.names[columns.label[row]], key: (row) => columns.rank[row] },
     { name: "as expected", text: (row) => ["-", "no", "yes"][columns.expected[row]], key: (row) => columns.expected[row] },
     ...metadata.axes.map((axis) => ({
       name: axis.name, title: axis.title, text: (row) => axisText(columns, axis, row), key: (row) => axisCodes(columns, axis.name)[row],
