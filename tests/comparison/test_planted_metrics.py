@@ -50,6 +50,25 @@ def test_one_worse_metric(baseline: Path, runs: Runs, stored: Stored) -> None:
     assert line in as_text(report_of(report))
 
 
+def test_the_headline_says_which_kind_of_check_changed(
+    baseline: Path, runs: Runs, stored: Stored
+) -> None:
+    """A metric is counted once, however many groups it is judged in."""
+    other = runs()
+    for index in range(8):
+        other.measure(index, grip=11.0, depth=1e-4 if index in {1, 6} else 1e-3)
+    grouped = policy(metrics={"grip": {"by": ["cone"]}})
+    report = compare_stores(baseline, stored("other", other), grouped)
+    checks = len(report.findings)
+    assert report.headline == f"better: no check of {checks} fails; 2 metrics better"
+    relabeled = runs()
+    relabeled.label(0, "chatter")
+    before = runs()
+    before.label(0, "diverged")
+    report = compare_stores(stored("before", before), stored("relabeled", relabeled))
+    assert report.headline.endswith("; 1 check of labels better, 1 check of labels changed")
+
+
 def test_one_better_metric(baseline: Path, runs: Runs, stored: Stored) -> None:
     better = runs()
     better.measure(3, grip=11.0)

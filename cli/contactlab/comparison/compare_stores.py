@@ -362,10 +362,20 @@ def draw_conclusion(checks: Sequence[Finding], passed: str = "same") -> tuple[Ch
     parts += [f"{plural(len(skipped), 'check')} cannot be made"] if skipped else []
     if parts:
         return verdict, code, f"{verdict}: {', '.join(parts)}"
-    words = {"better": "better", "changed": "changed", "worse": "worse within budget"}
-    changes = ", ".join(f"{counts[name]} {word}" for name, word in words.items() if counts[name])
+    changes = ", ".join(_count_changes(checks))
     word = passed if verdict == "same" else verdict
     return verdict, code, f"{word}: no check of {len(checks)} fails{changes and f'; {changes}'}"
+
+
+def _count_changes(checks: Sequence[Finding]) -> Iterator[str]:
+    words = {"better": "better", "changed": "changed", "worse": "worse within budget"}
+    for name, word in words.items():
+        changed = [check for check in checks if check.verdict == name and check.kind in _ABOUT_RUNS]
+        for kind in dict.fromkeys(check.kind for check in changed):
+            # A metric is judged once for each group.
+            names = {check.name for check in changed if check.kind == kind}
+            counted = plural(len(names), "metric" if kind == "metrics" else "check")
+            yield f"{counted}{'' if kind == 'metrics' else f' of {kind}'} {word}"
 
 
 def _advise_commands(checks: Sequence[Finding], baseline: Store, candidate: Store) -> Iterator[str]:
