@@ -41,6 +41,15 @@ def test_each_integrator_has_the_order_of_its_error(weighed: Weigh) -> None:
         assert one(found, name).floor is None
 
 
+def test_a_single_method_is_named_by_the_swept_knobs(weighed: Weigh) -> None:
+    """It may not be as the scene has it, since the runs with other values are left out."""
+    rows = [row(step, "RK4", step**4) for step in STEPS]
+    (found,) = find_methods(weighed(rows, KNOBS), {}, ["timestep", "cone"], is_modeling=False)
+    assert found.name == "elliptic"
+    (found,) = find_methods(weighed(rows, KNOBS), {}, ["timestep"], is_modeling=False)
+    assert found.name == "as the scene has it"
+
+
 def test_a_single_impact_takes_the_order_away(weighed: Weigh) -> None:
     rows = [row(step, "RK4", step**4, impacts=0) for step in STEPS]
     rows += [row(step, "Euler", step, impacts=int(step == STEPS[0])) for step in STEPS]

@@ -326,3 +326,22 @@ def test_neighboring_ticks_have_different_texts(visit: Visit, reported: Reported
         data_script[start:end] + ticks,
     )
     assert shown == ["19.998", "19.999"]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("name", "tab"), [("bounce", "physics"), ("tradeoff", "tradeoff")])
+def test_words_of_charts_are_readable_on_a_phone(
+    visit: Visit, reported: Reported, name: str, tab: str
+) -> None:
+    """A chart that does not fit scrolls, or wraps its words; it does not shrink."""
+    page = visit(reported(name), f"#tab={tab}").page
+    page.set_viewport_size({"width": 390, "height": 800})
+    page.reload()
+    page.wait_for_selector("body[data-ready]")
+    scales = page.locator(f"#{tab} .picture svg text").evaluate_all(
+        "words => words.map(each => each.getScreenCTM()).map(({a, b}) => Math.hypot(a, b))"
+    )
+    assert scales
+    # Words of 11 pixels, in letters of at least 9.
+    assert 11 * min(scales) >= 9
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390

@@ -14,7 +14,7 @@ from tests.reporting.conftest import run
 
 from contactlab.comparison.compare_stores import compare_stores
 from contactlab.errors import OutputError, SweepFileError
-from contactlab.page.paper_figures import bouncing_runs, first_impacts
+from contactlab.page.paper_figures import bounce_panels, bouncing_runs, first_impacts
 from contactlab.page.report_files import write_figures, write_page
 from contactlab.pareto.criteria import Criteria
 from contactlab.reporting.report import PageRequest, read_report_data
@@ -79,10 +79,27 @@ def test_figures_are_those_for_which_the_store_has_data(swept: Swept, tmp_path: 
 def test_bounces_are_as_high_as_restitution_says(swept: Swept) -> None:
     """A bounce is seen up to a step late, as the scene's oracle derives: e within 0.07."""
     data = read_report_data(swept("bounce"))
-    runs = bouncing_runs(data.store, data.axes, ~data.labels.failed)
+    runs, _ = bouncing_runs(data.store, data.axes, ~data.labels.failed)
     assert {each.setting for each in runs} >= {"restitution 0.9"}
     for each in runs:
         assert np.sqrt(each.ratios[0]) == pytest.approx(each.restitution, abs=0.07)
+
+
+def test_bouncing_runs_differ_in_one_axis_alone_and_name_the_others(swept: Swept) -> None:
+    data = read_report_data(swept("bounce"))
+    (axis, *others) = data.axes
+    assert axis.name == "restitution"
+    stable = ~data.labels.failed
+    runs, shared = bouncing_runs(data.store, data.axes, stable)
+    assert [each.setting for each in runs] == ["restitution 0.2", "restitution 0.9"]
+    assert shared == "timestep 0.5 ms, drop_height 0.5 m"
+    assert [each.peaks[0] for each in runs] == pytest.approx([0.5, 0.5], abs=0.01)
+    title = bounce_panels(runs, shared)["hconcat"][0]["title"]["text"]
+    assert title == f"all at {shared}"
+    # Runs of other heights are not drawn together.
+    apart = stable & (axis.codes == others[1].codes)
+    runs, _ = bouncing_runs(data.store, data.axes, apart)
+    assert len(runs) == 1
 
 
 def test_a_vertical_drop_has_no_cone(swept: Swept) -> None:
@@ -120,7 +137,7 @@ def test_impacts_of_a_body_that_turns_are_not_held_against_the_cone(tmp_path: Pa
 @pytest.mark.long
 def test_a_held_mug_neither_bounces_nor_hits(swept: Swept) -> None:
     data = read_report_data(swept("grasp"))
-    assert bouncing_runs(data.store, data.axes, ~data.labels.failed) == []
+    assert bouncing_runs(data.store, data.axes, ~data.labels.failed) == ([], "")
     assert first_impacts(data.store) == []
 
 

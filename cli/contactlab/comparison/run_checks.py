@@ -185,7 +185,7 @@ def _label_check(labels: PairLabels, subject: Subject, rank: int, members: Rows)
         parts.append(labels.notes[label])
 
     shown_pairs = members[verdicts == verdicts.max(initial=SAME)] if verdicts.any() else members[:0]
-    # The store in which runs have the label tells which of them is worst.
+    # The store with the label tells the worst of its runs.
     is_gone = verdicts.max(initial=SAME) == BETTER
     store, rows = labels.paired.sides[0 if is_gone else 1]
     shown_pairs = shown_pairs[order_worst_first(store, label, rows[shown_pairs])][:MOST_SHOWN]

@@ -1,8 +1,10 @@
 """Figures for papers: the charts of a page, and some that it has no room for, such as impacts."""
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
+from typing import Any
 
 import altair as alt
 import numpy as np
@@ -20,7 +22,12 @@ from contactlab.page.stick_or_slip import slope_runs, stick_slip_panel
 from contactlab.palette import COLOURS, INK, SHAPES
 from contactlab.reporting.map_axes import MapAxes
 from contactlab.reporting.report import ReportData
-from contactlab.reporting.report_columns import GridAxis, Quantity
+from contactlab.reporting.report_columns import (
+    GridAxis,
+    Quantity,
+    combination_codes,
+    number_with_unit,
+)
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredPair, StoredTrace
@@ -86,19 +93,47 @@ class BouncingRun:
         return self.peaks[1:] / self.peaks[:-1]
 
 
-def bouncing_runs(store: Store, axes: Sequence[GridAxis], stable: np.ndarray) -> list[BouncingRun]:
-    """Return `stable` (n,) runs that bounce at least once, one for each value of one axis."""
+def bouncing_runs(
+    store: Store, axes: Sequence[GridAxis], stable: np.ndarray
+) -> tuple[list[BouncingRun], str]:
+    """Return `stable` (n,) runs that bounce and differ in one axis, and the others' values.
+
+    These values are the ones with most such runs.
+    """
     axis = _axis_of_restitution(store, axes, stable)
-    by_setting: dict[str, BouncingRun] = {}
-    traced = stable & store.columns.has_value("trace_file")
-    for row in np.flatnonzero(traced)[: _RULES.most_bouncing_records].tolist():
-        setting = f"{axis.name} {axis.ticks[axis.codes[row]]}" if axis else "the scene's own"
-        if setting not in by_setting and len(by_setting) < _RULES.most_bouncing_runs:
-            record = store.record_at(row)
-            run = _bouncing_run(store.trace(record), record, setting)
-            if run is not None:
-                by_setting[setting] = run
-    return list(by_setting.values())
+    others = [each for each in axes if each is not axis]
+    rows = np.flatnonzero(stable & store.columns.has_value("trace_file"))
+    cases = combination_codes(others, store.columns.runs)[rows]
+    # The largest case first; of equal ones that of the first run.
+    sizes = Counter(cases.tolist())
+    best, shared, left = list[BouncingRun](), "", _RULES.most_bouncing_records
+    for case in sorted(sizes, key=lambda case: -sizes[case]):
+        if len(best) >= min(sizes[case], _RULES.most_bouncing_runs):
+            break
+        own = rows[cases == case][:left].tolist()
+        left -= len(own)
+        runs = list(_bouncing_runs_of(store, own, axis))
+        if len(runs) > len(best):
+            best, row = runs, own[0]
+            values = (number_with_unit(each.ticks[each.codes[row]], each.unit) for each in others)
+            shared = ", ".join(
+                f"{each.name} {value}" for each, value in zip(others, values, strict=True)
+            )
+    return best, shared
+
+
+def _bouncing_runs_of(
+    store: Store, rows: Sequence[int], axis: GridAxis | None
+) -> Iterator[BouncingRun]:
+    for row in rows[: _RULES.most_bouncing_runs]:
+        setting = "the scene's own"
+        if axis is not None:
+            value = number_with_unit(axis.ticks[axis.codes[row]], axis.unit)
+            setting = f"{axis.name} {value}"
+        record = store.record_at(row)
+        run = _bouncing_run(store.trace(record), record, setting)
+        if run is not None:
+            yield run
 
 
 def _axis_of_restitution(
@@ -188,8 +223,11 @@ def _first_impact(pair: StoredPair, record: EvidenceRecord) -> Rows:
     return [{"bound": bound, "slip": slip, "engine": engine, "contact": outcome}]
 
 
-def bounce_panels(runs: Sequence[BouncingRun]) -> Spec:
-    """Return height over time, and the ratio of heights at each bounce next to e^2."""
+def bounce_panels(runs: Sequence[BouncingRun], shared: str) -> Spec:
+    """Return height over time, and the ratio of heights at each bounce next to e^2.
+
+    The title of the left one has the shared values of all other axes.
+    """
     names = [run.setting for run in runs]
     colour = word_colours("setting", names, COLOURS[: len(names)]).legend(title=None)
     heights: Rows = [
@@ -207,6 +245,9 @@ def bounce_panels(runs: Sequence[BouncingRun]) -> Spec:
         )
         .properties(width=420, height=260)
     )
+    small: dict[str, Any] = {"fontSize": 11, "fontWeight": "normal"}
+    if shared:
+        left = left.properties(title=alt.TitleParams(f"all at {shared}", **small))
     # The ratio of heights at each bounce, next to e^2.
     ratios: Rows = [
         {"bounce": index + 1, "ratio": ratio, "setting": run.setting}
@@ -230,7 +271,7 @@ def bounce_panels(runs: Sequence[BouncingRun]) -> Spec:
         )
     )
     lines = layer_of("squares", rules).mark_rule(strokeDash=[5, 4], strokeWidth=1.3)
-    title = alt.TitleParams("dashed: e² of the contact", fontSize=11, fontWeight="normal")
+    title = alt.TitleParams("dashed: e² of the contact", **small)
     right = alt.layer(lines.encode(y, colour), points)
     right = right.properties(width=260, height=260, title=title)
     return alt.hconcat(left, right, spacing=30).to_dict()
@@ -317,10 +358,10 @@ def figure_specs(data: ReportData) -> dict[str, Spec | str]:
 
 def physical_figures(data: ReportData) -> dict[str, Spec | None]:
     """Return the figures of moving bodies, by title; None if the store has no such runs."""
-    bouncing = bouncing_runs(data.store, data.axes, ~data.labels.failed)
+    bouncing, shared = bouncing_runs(data.store, data.axes, ~data.labels.failed)
     impacts, slopes = first_impacts(data.store), slope_runs(data.store)
     return {
-        "Height over time": apply_theme(bounce_panels(bouncing)) if bouncing else None,
+        "Height over time": apply_theme(bounce_panels(bouncing, shared)) if bouncing else None,
         "Impacts and the friction cone": apply_theme(cone_panel(impacts)) if impacts else None,
         "Stick or slip over angle and friction": apply_theme(stick_slip_panel(slopes))
         if slopes

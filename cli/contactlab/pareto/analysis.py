@@ -24,7 +24,7 @@ from contactlab.pareto.configurations import (
     is_chaotic,
     read_runs,
 )
-from contactlab.pareto.convergence import find_methods
+from contactlab.pareto.convergence import find_methods, varying_knobs
 from contactlab.pareto.criteria import Criteria, error_measure, time_measure, tolerances_of
 from contactlab.pareto.end_states import END_COLUMNS, mark_ends
 from contactlab.pareto.recommendation import (
@@ -86,6 +86,7 @@ def analyze_tradeoff(store: Store, criteria: Criteria = _DEFAULT_CRITERIA) -> Tr
     identity = store.manifest.sweep
     # Such an error may remain at any timestep.
     is_modeling = error.kind != "discretization" or error.reference == "written"
+    swept = varying_knobs([configuration.values for configuration in evaluated])
     units = {name: store.columns.described[name].unit for name in runs.knobs}
     report = TradeoffReport(
         store=str(store.address),
@@ -104,7 +105,7 @@ def analyze_tradeoff(store: Store, criteria: Criteria = _DEFAULT_CRITERIA) -> Tr
         configurations=summaries,
         front=tuple(_front_point(configuration.summary) for configuration in front),
         unconstrained_front=tuple(_front_point(summaries[index]) for index in front_of(summaries)),
-        methods=tuple(find_methods(alike, units, is_modeling=is_modeling)),
+        methods=tuple(find_methods(alike, units, swept, is_modeling=is_modeling)),
         recommendation=_make_recommendation(store, chosen),
         robust=_make_recommendation(store, safe),
         next_step=next_step,

@@ -120,16 +120,21 @@ _NUMERIC_KNOBS = {
 
 
 def find_methods(
-    evaluated: Sequence[EvaluatedConfiguration], units: Mapping[str, str], *, is_modeling: bool
+    evaluated: Sequence[EvaluatedConfiguration],
+    units: Mapping[str, str],
+    swept: Sequence[str] = (),
+    *,
+    is_modeling: bool,
 ) -> list[Method]:
     """Return the methods, in the order of their first configurations.
 
+    A single one is named by the `swept` knobs, which may have one value here.
     They may have a floor if the error has another reference than the model: if `is_modelling`.
     """
     members: dict[MethodKey, list[EvaluatedConfiguration]] = {}
     for configuration in evaluated:
         members.setdefault(method_key(configuration.values), []).append(configuration)
-    differing = varying_knobs([dict(key) for key in members])
+    differing = varying_knobs([dict(key) for key in members]) or swept_methods(swept)
     floors: dict[MethodKey, Floor | None] = dict.fromkeys(members)
     # Methods that differ only in integrator or solver converge to the same solution, and share
     # the smallest floor of any of them.
@@ -167,6 +172,11 @@ def method_name(
         if values[name] is not None
     ]
     return ", ".join(words) or "as the scene has it"
+
+
+def swept_methods(swept: Sequence[str]) -> list[str]:
+    """Return the swept knobs that a method has."""
+    return [name for name in swept if name != TIMESTEP]
 
 
 def _knob_word(name: str, value: Setting, unit: str) -> str:

@@ -14,6 +14,7 @@ from contactlab.pareto.convergence import (
     MethodKey,
     method_key,
     method_name,
+    swept_methods,
     varying_knobs,
 )
 from contactlab.pareto.recommendation import SAFE_MARGIN, front_of
@@ -159,7 +160,7 @@ def _method_names(
     keys = list(
         dict.fromkeys(lines[place] for place in (*marked, *front, *by_error, *configurations))
     )
-    differing = varying_knobs([dict(key) for key in keys])
+    differing = varying_knobs([dict(key) for key in keys]) or swept_methods(report.varying)
     return {
         key: f"{letter}  {method_name(dict(key), differing, report.units)}"
         for letter, key in zip(LETTERS[:_MOST_METHODS], keys, strict=False)
@@ -262,16 +263,11 @@ def chart_specification(
 
 
 def _chart_layers(report: TradeoffReport, data: ChartData) -> Iterator[alt.Chart]:
-    unit = f" [{report.error.unit}]" if report.error.unit not in {"", "1", "any"} else ""
-    runs = report.runs_per_configuration
     source = "" if report.time.source == "timing" else " (while recording)"
     x = alt.X("time:Q").scale(type="log", domain=data.frame.time, nice=False)
     y = alt.Y("error:Q").scale(type="log", domain=data.frame.error, nice=False)
     x = x.axis(title=f"CPU seconds per simulated second{source}", format="~g")
-    y = y.axis(
-        title=f"{report.error.name}{unit}, worst of {runs} run{'s' * (runs != 1)}",
-        labelExpr=_TICK_LABEL,
-    )
+    y = y.axis(title=_error_title(report), labelExpr=_TICK_LABEL)
     colour = _method_channel(data, alt.Color, [*COLOURS[: len(data.methods)], OTHERS_COLOUR])
     measured_points = [point for point in data.points if point["state"] != "failed"]
     failed = [point for point in data.points if point["state"] == "failed"]
@@ -326,6 +322,17 @@ def _chart_layers(report: TradeoffReport, data: ChartData) -> Iterator[alt.Chart
     bold = {"fontSize": 12, "fontWeight": "bold"}
     for mark in halo_layers(ring, **placed, **bold):
         yield mark.encode(x, y, text="chosen:N")
+
+
+def _error_title(report: TradeoffReport) -> str:
+    unit = f" [{report.error.unit}]" if report.error.unit not in {"", "1", "any"} else ""
+    runs, most_names = report.runs_per_configuration, 2
+    title = f"{report.error.name}{unit}, worst of {runs} run{'s' * (runs != 1)}"
+    if runs == 1 or not report.scenarios:
+        return title
+    more = len(report.scenarios) - most_names
+    names = ", ".join(report.scenarios[:most_names])
+    return f"{title} over {names}{f' and {more} more' if more > 0 else ''}"
 
 
 def _method_channel(data: ChartData, channel: type[_Channel], values: list[str]) -> _Channel:

@@ -68,6 +68,16 @@ async function draw(target, spec) {
 
 const NARROW = 560;
 
+function wrapped(text, most) {
+  const lines = [""];
+  for (const word of text.split(" ")) {
+    const last = lines.length - 1;
+    if (lines[last] && lines[last].length + 1 + word.length > most) lines.push(word);
+    else lines[last] = `${lines[last]} ${word}`.trim();
+  }
+  return lines;
+}
+
 // On narrow pages legends go below the chart.
 function legendBelow(spec, room) {
   if (room < NARROW) spec.config.legend = { ...spec.config.legend, orient: "bottom", columns: 1 };
@@ -76,6 +86,8 @@ function legendBelow(spec, room) {
 
 function fitted(spec, room) {
   spec.width = Math.min(spec.width, room < NARROW ? room - 90 : room - 300);
+  const letter = 6.5; // width of a letter of a subtitle, of 11 pixels, in any font
+  if (spec.title?.subtitle) spec.title.subtitle = wrapped(spec.title.subtitle.join(" "), room / letter);
   return legendBelow(spec, room);
 }
 
