@@ -1,6 +1,9 @@
 """The monitored pairs of a bare model: every pair of geoms that MuJoCo ever puts in contact."""
 
+import pickle
+from collections import OrderedDict
 from collections.abc import Callable
+from itertools import product
 
 import mujoco
 import numpy as np
@@ -8,8 +11,16 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from contactlab.scene import contact_pairs
-from contactlab.scene.contact_pairs import detected_pairs, geom_pairs, touch_mask, touch_pairs
+from contactlab.scene import compiled_scene, contact_pairs
+from contactlab.scene.compile_model import compile_model, name_sensors
+from contactlab.scene.contact_pairs import (
+    MonitoredPair,
+    colliding_geoms,
+    detected_pairs,
+    geom_pairs,
+    touch_mask,
+    touch_pairs,
+)
 from contactlab.scene.scene import Scene
 
 SHAPES = {
@@ -285,6 +296,15 @@ def test_the_mask_is_that_of_the_rules_pair_by_pair(seed: int) -> None:
             expected = first != second and touches_by_rules(model, first, second)
             assert touch[first, second] == expected, (first, second)
     assert touch_pairs(model) == geom_pairs(touch)
+    # Pairs of bodies find the same geoms without the mask.
+    sides = {body: np.flatnonzero(model.geom_bodyid == body).tolist() for body in range(9)}
+    pairs = [
+        MonitoredPair("pair", ("", ""), bodies=True, geoms=(one, other), slots=1)
+        for one, other in product(map(tuple, sides.values()), repeat=2)
+    ]
+    assert colliding_geoms(model, pairs) == [
+        [geoms for geoms in product(*pair.geoms) if touch[geoms]] for pair in pairs
+    ]
 
 
 def test_listed_pairs_touch_whatever_their_masks_are() -> None:
@@ -297,6 +317,9 @@ def test_listed_pairs_touch_whatever_their_masks_are() -> None:
     spec.add_pair(geomname1=names[2], geomname2=names[0])
     model = spec.compile()
     assert touch_pairs(model) == geom_pairs(touch_mask(model)) == [(0, 2), (0, 3), (1, 3), (2, 3)]
+    pair = MonitoredPair("pair", ("", ""), bodies=True, geoms=((0, 1, 2, 3), (2, 3)), slots=1)
+    touching = [(0, 2), (0, 3), (1, 3), (2, 3), (3, 2)]
+    assert colliding_geoms(model, [pair]) == [touching]
     others = touch_pairs(model, listed=False)
     assert others == geom_pairs(touch_mask(model, listed=False)) == [(0, 3), (2, 3)]
 
@@ -334,3 +357,34 @@ def test_the_likeliest_of_many_pairs_are_those_of_a_full_list(bodies: str) -> No
     expected = sorted(pairs, key=rank)[: contact_pairs.MAX_PAIRS]
     found = [(pair.geoms[0][0], pair.geoms[1][0]) for pair in contact_pairs.detected_pairs(model)]
     assert found == expected
+
+
+def test_pairs_that_another_process_detected_are_monitored(
+    make_scene: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    balls = "<body pos='0 0 {}'><freejoint/><geom size='.1'/></body>"
+    model = "".join(balls.format(height) for height in range(3))
+    scene = make_scene(f"<mujoco><worldbody>{model}</worldbody></mujoco>")
+    pairs = scene.base({}).pairs
+    sent = pickle.loads(pickle.dumps(scene.find_detected()))  # noqa: S301 - our own
+    monkeypatch.setattr(compiled_scene, "_DETECTED", OrderedDict())
+    monkeypatch.delattr(compiled_scene, "detected_pairs")
+    compiled_scene.share_detected(sent)
+    assert len(pairs) == 3
+    assert compiled_scene.compile_scene(scene.source, {}).pairs == pairs
+
+
+def test_a_copy_of_a_specification_is_the_model_that_is_written(make_scene: Make) -> None:
+    """The file is parsed once, edits of one model do not reach the next, and a new file counts."""
+    scene = make_scene("<mujoco><worldbody><geom size='.1'/></worldbody></mujoco>")
+
+    def add_geom(spec: mujoco.MjSpec) -> None:
+        spec.worldbody.add_geom(size=[0.2, 0, 0])
+
+    def count_geoms(edit: Callable[[mujoco.MjSpec], None]) -> int:
+        return int(compile_model(scene.source, {}, edit).ngeom)
+
+    assert [count_geoms(edit) for edit in (name_sensors, add_geom, name_sensors)] == [1, 2, 1]
+    text = scene.source.model.read_text()
+    scene.source.model.write_text(text.replace("<geom", "<geom size='.3'/><geom"))
+    assert count_geoms(name_sensors) == 2

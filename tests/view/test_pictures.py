@@ -18,6 +18,7 @@ from contactlab.errors import OutputError, SceneError
 from contactlab.view.drawn_motion import ContactForces, follow_body, read_motion
 from contactlab.view.film import (
     Picture,
+    RunPictures,
     draw_pictures,
     force_bar,
     recorded_poses,
@@ -264,6 +265,24 @@ def test_animations_last_as_long_as_the_run(drawn: Draw, target: Target) -> None
             lasting += animation.info["duration"]
         assert animation.info["loop"] == 0
     assert lasting == 80 * (int(run.trace.time[-1] * 12.5 + 1e-6) + 1)
+
+
+@pytest.mark.long
+def test_a_film_of_many_geoms_lasts_as_long_with_fewer_pictures(drawn: Draw) -> None:
+    run = drawn("ball")
+    start, motion = run.start, read_motion(run.start.prepared_model, run.trace, 60)
+    film = RunPictures(start, motion, run.trace.qpos[motion.rows], SIZE, None, {}, {})
+    whole = [*film.draw_film(20)]
+    most = run.model.ngeom * len(whole) / 3.5  # so each picture is held for 4
+    for place, (seen, held) in enumerate(
+        zip(film.draw_film(20, most), repeat_every(whole, 4), strict=True)
+    ):
+        assert (seen == held).all(), place
+
+
+def repeat_every(pictures: list[Picture], count: int) -> list[Picture]:
+    """Return the pictures, each that is no multiple of a count replaced by the last that is."""
+    return [pictures[place - place % count] for place in range(len(pictures))]
 
 
 @pytest.mark.long

@@ -90,9 +90,9 @@ class Passages:
             cosine = np.abs((rotation[1:] * rotation[:-1]).sum(axis=2))
             turned = 2 * np.arccos(np.minimum(cosine, 1))
             shift = np.sqrt(squared_lengths(np.diff(position, axis=0)))
-            moved = (shift + turned * self._reach)[:, model.geom_bodyid]
+            moved = shift + turned * self._reach
             # Pairs that can touch, and that a step may carry through each other.
-            most = moved.max(axis=0, initial=0)
+            most = moved.max(axis=0, initial=0)[model.geom_bodyid]
             first, second = self._pairs
             fast = np.flatnonzero(most[first] + most[second] > self._least)[: _LIMITS.most_pairs]
             places = zip(first[fast].tolist(), second[fast].tolist(), strict=True)
@@ -102,7 +102,7 @@ class Passages:
             within = _StepSearch(model, states[:, 1 : positions + model.nv], acting)
             for pair, least in pairs.items():
                 passages += within.find_passages(
-                    pair, close, moved[:, pair].sum(axis=1), least=least
+                    pair, close, moved[:, model.geom_bodyid[[*pair]]].sum(axis=1), least=least
                 )
             passages += _passages_through_flexes(model, position, rotation, vertices)
             self.found[run] = tuple(sorted(passages, key=lambda passage: passage.step))

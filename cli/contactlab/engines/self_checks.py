@@ -26,7 +26,7 @@ from contactlab.engines.engine import (
 )
 from contactlab.engines.mujoco_batch import driven_inputs, start_batch
 from contactlab.scene.compiled_scene import CompiledScene
-from contactlab.scene.contact_pairs import colliding_geoms, touch_mask
+from contactlab.scene.contact_pairs import colliding_geoms
 from contactlab.scene.equation_error import measure_equation_error
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.scene.model_edits import read_flag
@@ -172,12 +172,11 @@ def _distance_errors(
     model = copy.copy(model)
     native_ccd = int(getattr(mujoco.mjtDisableBit, "mjDSBL_NATIVECCD", 0))
     model.opt.disableflags &= ~native_ccd | base.model.opt.disableflags
-    touch = touch_mask(model)
     fields = np.flatnonzero(np.isin(model.geom_type, _FIELD_SHAPES))
     monitored = [
         (np.array(geoms), pair_trace.slots[run, steps])
-        for pair, pair_trace in zip(base.pairs, trace.pairs, strict=True)
-        if (geoms := colliding_geoms(touch, pair)) and not np.isin(geoms, fields).any()
+        for geoms, pair_trace in zip(colliding_geoms(model, base.pairs), trace.pairs, strict=True)
+        if geoms and not np.isin(geoms, fields).any()
     ]
     if not monitored:
         return overlap, apart

@@ -31,7 +31,7 @@ from contactlab.run.evidence_record import find_provenance
 from contactlab.run.sweep_runner import identity_fields, measured_columns, shared_fields
 from contactlab.run.tasks import Task
 from contactlab.run.worker import Worker
-from contactlab.scene.contact_pairs import colliding_geoms, declared_pairs, touch_mask, touch_pairs
+from contactlab.scene.contact_pairs import colliding_geoms, declared_pairs, touch_pairs
 from contactlab.scene.model_names import match_names, name_of
 from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import BINARY, MANIFEST, stored_scene
@@ -262,9 +262,9 @@ def _read_declarations(
     except ValidationError as error:
         first = error.errors()[0]
         raise SceneError(f"{'.'.join(map(str, first['loc']))}: {explain_error(first)}") from error
-    touch = touch_mask(model)
-    for pair in declared_pairs(model, manifest.pairs):
-        if not colliding_geoms(touch, pair):
+    pairs = declared_pairs(model, manifest.pairs)
+    for pair, geoms in zip(pairs, colliding_geoms(model, pairs), strict=True):
+        if not geoms:
             raise SceneError(f"monitor: MuJoCo's filters exclude contacts of {pair.name}")
     return sweep, manifest
 

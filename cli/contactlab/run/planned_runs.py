@@ -23,7 +23,7 @@ from contactlab.errors import OutputError, SceneError, StoreError, SweepFileErro
 from contactlab.mjcf import AT_REST, MODEL_ENGINE
 from contactlab.plan.grid import Plan, Row
 from contactlab.run.tasks import Job, Task
-from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
+from contactlab.scene.compiled_scene import CompiledScene, PreparedModel, share_detected
 from contactlab.scene.drive.located_drive import LocatedDrive
 from contactlab.scene.effects.effect_table import is_straight
 from contactlab.scene.initial_states import InitialStates
@@ -350,6 +350,7 @@ class Preparer:
     def __init__(self, task: Task, marker: Path | None) -> None:
         silence_mujoco()
         self.task = task
+        share_detected(task.detected)
         folder = local_scene(task.store, task.scene_folder)
         self.scene = stored_sweep_scene(task.identity, folder)
         if self.scene.hash != task.scene_folder.name:

@@ -252,6 +252,7 @@ def make_task(
         plugins=loaded_plugins(),
         policy=policy,
         environment=request.scene.source.environment,
+        detected=request.scene.find_detected(),
     )
 
 

@@ -64,6 +64,10 @@ class Task:
     # The purpose of the runs: record them, play episodes without a record, compare them with a
     # reference, or count their work. The process of the sweep itself measures times.
     purpose: Purpose = "record"
+    # The pairs that were detected where the sweep began, so that no worker detects them again.
+    detected: Mapping[tuple[object, ...], tuple[Any, ...]] = field(
+        default_factory=dict[tuple[object, ...], tuple[Any, ...]]
+    )
     # Functions that fill the registry of a worker, as they filled that of the sweep's process.
     fillers: tuple[Callable[[], None], ...] = field(default_factory=registry_fillers)
 

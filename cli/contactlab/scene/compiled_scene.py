@@ -2,7 +2,7 @@
 
 import copy
 import json
-from collections import deque
+from collections import OrderedDict, deque
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -211,6 +211,35 @@ def _content_key(source: SceneSource) -> tuple[object, ...]:
     return source.content.hash, source.content.model
 
 
+_DETECTED = OrderedDict[tuple[object, ...], tuple[MonitoredPair, ...]]()
+"""Pairs that were detected in structures of scenes, here or where a sweep was started."""
+
+
+def share_detected(pairs: Mapping[tuple[object, ...], tuple[MonitoredPair, ...]]) -> None:
+    """Let scenes of this process monitor pairs that another process detected."""
+    for key, detected in pairs.items():
+        _remember_detected(key, detected)
+
+
+def find_detected(
+    source: SceneSource, structure: Mapping[str, object]
+) -> Mapping[tuple[object, ...], tuple[MonitoredPair, ...]]:
+    """Return the pairs that were detected in a structure, for `share_detected`; empty if none."""
+    key = _structure_key(source, structure)
+    return {key: _DETECTED[key]} if key in _DETECTED else {}
+
+
+def _structure_key(source: SceneSource, structure: Mapping[str, object]) -> tuple[object, ...]:
+    return *_content_key(source), tuple(structure.items())
+
+
+def _remember_detected(key: tuple[object, ...], pairs: tuple[MonitoredPair, ...]) -> None:
+    most_structures = 64  # a sweep may have any number of them
+    _DETECTED[key] = pairs
+    while len(_DETECTED) > most_structures:
+        _DETECTED.popitem(last=False)
+
+
 def open_structure(
     source: SceneSource, structure: Mapping[str, object], without: frozenset[str]
 ) -> CompiledScene:
@@ -219,7 +248,7 @@ def open_structure(
     A store's copy whose files have the bytes of an open scene's is the same model, so that it is
     not compiled again.
     """
-    key = (*_content_key(source), tuple(structure.items()), without)
+    key = (*_structure_key(source, structure), without)
     compiled = _OPEN.get(key) if source.content.copied else None
     if compiled is None:
         compiled = _OPEN[key] = compile_scene(source, structure, without)
@@ -238,7 +267,7 @@ def compile_scene(
         subject = _find_subject(plain, source.manifest)
         declared = declared_pairs(plain, source.manifest.pairs) if source.manifest else ()
         keyframe = default_keyframe(plain, source.manifest)
-        pairs = declared or detected_pairs(plain, keyframe)
+        pairs = declared or _detect_pairs(source, structure, plain, keyframe)
         holding = find_hold(plain, source.manifest, subject)
 
     energy = "energy" not in without
@@ -266,6 +295,15 @@ def compile_scene(
         holding=holding,
         facts=ModelFacts(model, energy=energy),
     )
+
+
+def _detect_pairs(
+    source: SceneSource, structure: Mapping[str, object], model: mujoco.MjModel, keyframe: str
+) -> tuple[MonitoredPair, ...]:
+    key = _structure_key(source, structure)
+    if key not in _DETECTED:
+        _remember_detected(key, detected_pairs(model, keyframe))
+    return _DETECTED[key]
 
 
 def full_structure(

@@ -29,7 +29,6 @@ from contactlab.scene.contact_pairs import (
     effective_parameters,
     explicit_pair,
     mixing_weight,
-    touch_mask,
 )
 from contactlab.scene.keyframes import start_data
 from contactlab.scene.model_names import name_of
@@ -93,12 +92,11 @@ def write_at_rest(
 
     A SceneError names the pair if the value has no meaning for it or the timestep is too long.
     """
-    touch, deep = touch_mask(model), name == "depth_at_rest"
+    deep = name == "depth_at_rest"
     loads = _loads_at_rest(model, keyframe) if deep else {}
     rows = dict[tuple[int, int], Floats]()
     micrometre = 1e-6  # in place of no depth: a contact of a stiffness needs some
-    for pair in pairs:
-        every = colliding_geoms(touch, pair)
+    for pair, every in zip(pairs, colliding_geoms(model, pairs), strict=True):
         carried = [load for geoms in every for load in loads.get(frozenset(geoms), ())]
         if not (carried if deep else every):
             continue

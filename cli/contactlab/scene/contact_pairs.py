@@ -7,7 +7,7 @@ parameters that have an override option. Source: MuJoCo's documentation, Modelin
 parameters.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
 from typing import Any
@@ -194,9 +194,28 @@ def _colliding_geoms(model: mujoco.MjModel, name: str) -> tuple[int, ...]:
     return tuple(geoms)
 
 
-def colliding_geoms(touch: NDArray[np.bool_], pair: MonitoredPair) -> list[tuple[int, int]]:
-    """Return the geoms of a pair, one of each side, that may touch. `touch` is from `may_touch`."""
-    return [geoms for geoms in product(*pair.geoms) if touch[geoms]]
+def colliding_geoms(
+    model: mujoco.MjModel, pairs: Sequence[MonitoredPair]
+) -> list[list[tuple[int, int]]]:
+    """Return the geoms of each pair, one of each side, that MuJoCo's filters let touch.
+
+    These are the places of `touch_mask`, found without a mask of all geoms.
+    """
+    sides = [list(product(*pair.geoms)) for pair in pairs]
+    every = [geoms for side in sides for geoms in side]
+    first, second = np.array(every, np.intp).reshape(-1, 2).T
+    bodies = np.asarray(model.geom_bodyid)
+    dofs = model.body_dofnum[model.body_weldid[bodies]]
+    touch = _pass_filters(model, first, second) & ((dofs[first] > 0) | (dofs[second] > 0))
+    for one, other in ((first, second), (second, first)):
+        signatures = bodies[one].astype(np.intp) << 16 | bodies[other]
+        touch &= ~np.isin(signatures, model.exclude_signature)
+    listed = {*zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True)}
+    passed = iter(touch.tolist())
+    return [
+        [geoms for geoms in side if next(passed) or geoms in listed or geoms[::-1] in listed]
+        for side in sides
+    ]
 
 
 def half_extents(model: mujoco.MjModel) -> Floats:
@@ -276,27 +295,35 @@ def touch_pairs(model: mujoco.MjModel, *, listed: bool = True) -> list[tuple[int
 
 def _touch_rows(model: mujoco.MjModel) -> Iterator[tuple[NDArray[np.intp], NDArray[np.bool_]]]:
     # Yield some moving geoms, and (rows, ngeom) whether they may touch each geom.
-    bodies = np.asarray(model.geom_bodyid)
-    welds, flat = model.body_weldid[bodies], np.isin(model.geom_type, _SURFACE_TYPES)
-    kinds, affinities = np.asarray(model.geom_contype), np.asarray(model.geom_conaffinity)
-    parents = model.body_weldid[model.body_parentid[welds]]
-    filters_parents = not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FILTERPARENT
+    bodies, everything = np.asarray(model.geom_bodyid), np.arange(model.ngeom)
     # One of two geoms moves.
-    moving = np.flatnonzero(model.body_dofnum[welds] > 0)
+    moving = np.flatnonzero(model.body_dofnum[model.body_weldid[bodies]] > 0)
     at_once = max(1, (1 << 22) // max(model.ngeom, 1))
     for begin in range(0, len(moving), at_once):
         rows = moving[begin : begin + at_once]
-        own = welds[rows, None]
-        part = (kinds[rows, None] & affinities | affinities[rows, None] & kinds) != 0
-        part &= (own != welds) & ~(flat[rows, None] & flat)
-        if filters_parents:
-            part &= ~((welds > 0) & (welds == parents[rows, None]))
-            part &= ~((own > 0) & (own == parents))
+        part = _pass_filters(model, rows[:, None], everything)
         for signature in model.exclude_signature:
             excluded = divmod(int(signature), 1 << 16)
             for first, second in (excluded, excluded[::-1]):
                 part[np.ix_(bodies[rows] == first, bodies == second)] = False
         yield rows, part
+
+
+def _pass_filters(
+    model: mujoco.MjModel, first: NDArray[np.intp], second: NDArray[np.intp]
+) -> NDArray[np.bool_]:
+    # Whether masks, welds and parents of geoms, of shapes that broadcast, let them touch.
+    welds = model.body_weldid[model.geom_bodyid]
+    flat = np.isin(model.geom_type, _SURFACE_TYPES)
+    kinds, affinities = np.asarray(model.geom_contype), np.asarray(model.geom_conaffinity)
+    own, other = welds[first], welds[second]
+    touch = (kinds[first] & affinities[second] | affinities[first] & kinds[second]) != 0
+    touch &= (own != other) & ~(flat[first] & flat[second])
+    if not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FILTERPARENT:
+        parents = model.body_weldid[model.body_parentid[welds]]
+        touch &= ~((other > 0) & (other == parents[first]))
+        touch &= ~((own > 0) & (own == parents[second]))
+    return touch
 
 
 def mask_overlap(model: mujoco.MjModel) -> NDArray[np.bool_]:

@@ -33,7 +33,6 @@ from contactlab.scene.contact_pairs import (
     colliding_geoms,
     effective_parameters,
     half_extents,
-    touch_mask,
 )
 from contactlab.scene.initial_states import quaternion_indices
 from contactlab.scene.model_edits import read_flag
@@ -139,9 +138,10 @@ def _pair_entries(base: CompiledScene, model: mujoco.MjModel) -> Mapping[str, An
     """Return the setup entries of each pair, which runs of the model share."""
     # Half the smallest extent of the thinnest geom that can collide [m]. If geoms differ in the
     # width of their solimp, only the widest deform.
-    touch, halves = touch_mask(base.model), half_extents(base.model)
+    halves = half_extents(base.model)
     widths = np.where(np.isfinite(halves), base.model.geom_solimp[:, 2], -np.inf)
-    touching = [np.array(colliding_geoms(touch, pair), np.intp).ravel() for pair in base.pairs]
+    colliding = colliding_geoms(base.model, base.pairs)
+    touching = [np.array(geoms, np.intp).ravel() for geoms in colliding]
     soft = (geoms[widths[geoms] == widths[geoms].max(initial=-np.inf)] for geoms in touching)
     return {
         "thickness": np.array([halves[geoms].min(initial=np.inf) for geoms in soft]),

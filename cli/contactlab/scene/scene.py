@@ -20,9 +20,11 @@ from contactlab.scene.compile_model import compile_model, name_sensors, warn_onc
 from contactlab.scene.compiled_scene import (
     CompiledScene,
     PreparedModel,
+    find_detected,
     full_structure,
     open_structure,
 )
+from contactlab.scene.contact_pairs import MonitoredPair
 from contactlab.scene.drive.driving import Driving, is_driven
 from contactlab.scene.drive.located_drive import (
     DRIVE_AXES,
@@ -234,6 +236,10 @@ class Scene:
         if key not in self._compiled:
             self._compiled[key] = open_structure(self.source, full, without)
         return self._compiled[key]
+
+    def find_detected(self) -> Mapping[tuple[object, ...], tuple[MonitoredPair, ...]]:
+        """Return the detected pairs of the structure without values, for `share_detected`."""
+        return find_detected(self.source, full_structure(self.source.manifest, {}))
 
     def written_model(self, run: RunSpec) -> mujoco.MjModel:
         """Return the compiled structure of a run without the recording sensors; never edit it."""

@@ -330,11 +330,17 @@ class RunPictures:
     captions: Mapping[int, str]
     between: tuple[float, float] = (-math.inf, math.inf)  # time range of a film [s]
 
-    def draw_film(self, rate: float) -> Iterator[Picture]:
-        """Yield a film's pictures, `rate` per simulated second."""
-        time = self.motion.time
+    def draw_film(self, rate: float, most_geoms: float = math.inf) -> Iterator[Picture]:
+        """Yield a film's pictures, `rate` per simulated second.
+
+        Each is shown several times if all pictures together would draw too many geoms.
+        """
+        time, geoms = self.motion.time, self.replay.prepared_model.model.ngeom
         times, (begin, end) = frame_times(time, rate), self.between
-        counts = Counter(nearest_indices(time, times[(times >= begin) & (times <= end)]).tolist())
+        times = times[(times >= begin) & (times <= end)]
+        shown = np.arange(len(times))
+        shown -= shown % max(1, math.ceil(len(times) * geoms / most_geoms))
+        counts = Counter(nearest_indices(time, times[shown]).tolist())
         for count, picture in zip(counts.values(), self._draw_frames(list(counts)), strict=True):
             yield from repeat(picture, count)
 

@@ -48,6 +48,8 @@ class _PictureRules:
     frame_rate: float = 60.0  # of viewers' files, and of the steps that a sheet's arrows represent
     moments: int = 6  # of a sheet of one run: two rows
     moments_of_two: int = 3  # of each of two runs next to each other
+    # Geoms in all pictures of a .gif: without a GPU, each takes about 10 us with its inset.
+    most_geoms_of_gif: int = 250_000
 
 
 _RULES = _PictureRules()
@@ -178,7 +180,8 @@ def _write_pictures(
             # 256 colors hardly show smoothed edges, which take half of the time without a GPU.
             for picture in pictures:
                 picture.replay.prepared_model.model.vis.quality.offsamples = 0
-        films = [picture.draw_film(rate) for picture in pictures]
+        most_geoms = _RULES.most_geoms_of_gif if suffix == ".gif" else math.inf
+        films = [picture.draw_film(rate, most_geoms) for picture in pictures]
         write_film = write_mp4 if suffix == ".mp4" else write_gif
         write_film(
             target, side_by_side(*films) if len(films) > 1 else films[0], _FILM_RATES[suffix]

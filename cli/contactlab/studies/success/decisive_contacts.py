@@ -21,7 +21,6 @@ from contactlab.scene.contact_pairs import (
     MAX_PAIRS,
     colliding_geoms,
     half_extents,
-    touch_mask,
     touch_pairs,
 )
 from contactlab.scene.model_names import find_id, name_of
@@ -191,11 +190,10 @@ class DecisiveContacts:
     @cached_property
     def _touching_sides(self) -> dict[str, Sides]:
         # The geoms of each pair that may touch.
-        touch = touch_mask(self._base.model)
-        touching = {pair.name: colliding_geoms(touch, pair) for pair in self._base.pairs}
+        touching = colliding_geoms(self._base.model, self._base.pairs)
         return {
-            name: (tuple({one for one, _ in pairs}), tuple({other for _, other in pairs}))
-            for name, pairs in touching.items()
+            pair.name: (tuple({one for one, _ in geoms}), tuple({other for _, other in geoms}))
+            for pair, geoms in zip(self._base.pairs, touching, strict=True)
         }
 
     @cached_property
