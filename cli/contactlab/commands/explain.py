@@ -20,21 +20,28 @@ if TYPE_CHECKING:
 def explain(
     words: Annotated[
         str | Sequence[str],
-        Argument("WORD", "Any word that contactlab prints.", kind=list[str]),
-    ],
+        Argument("WORD", "Any word that contactlab prints; lists all by default.", kind=list[str]),
+    ] = (),
     *,
     plugin: opt.Plugins = (),
 ) -> "Explanation":
-    """Explain a word of the output.
+    """Explain a word of the output, or list all words.
 
     Raises:
         SweepFileError: a word has no definition.
     """
     from contactlab.resources import scene_names
     from contactlab.schema.explanation import Explanation
-    from contactlab.studies.explain.definitions import define_word, is_defined, words_of
+    from contactlab.studies.explain.definitions import (
+        define_word,
+        is_defined,
+        list_words,
+        words_of,
+    )
 
     opt.load_plugins(plugin)
+    if not words:
+        return Explanation(meanings=list_words())
     names = words_of([words] if isinstance(words, str) else [*words])
     for name in names:
         if not is_defined(name) and (name in scene_names() or set(name) & set("=./:")):

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from contactlab import resources
 from contactlab.engines import ENGINES
@@ -42,11 +42,9 @@ def _find_meanings(word: str) -> list[Callable[[], Iterator[str]]] | None:
     # Names of fixes have hyphens, terms have spaces.
     key = _definition_key(word)
     keys = (key, key.replace("-", "_"), key.replace("-", " "))
-    collectors = (_collect_definitions, _scene_axes)
-    return next(
-        (meanings for collect in collectors for key in keys if (meanings := collect().get(key))),
-        None,
-    )
+    known, axes = _collect_definitions(), _scene_axes()
+    meanings = ([*known.get(key, ()), *axes.get(key, ())] for key in keys)
+    return next(filter(None, meanings), None)
 
 
 def define_word(word: str) -> tuple[WordMeaning, ...]:
@@ -84,32 +82,56 @@ def _definition_key(word: str) -> str:
 def _collect_definitions() -> Definitions:
     # Those of a word are in the order of their importance.
     definitions: dict[str, list[Callable[[], Iterator[str]]]] = {}
-    headed = {metric.heading: metric for metric in METRICS.values() if metric.heading}
-    known_names = LABELS.keys() | METRICS.keys()
-    limits = {name: each for name, each in THRESHOLDS.items() if name not in known_names}
-    sources: tuple[tuple[Mapping[str, Any], Callable[[Any], Iterator[str]]], ...] = (
-        (LABELS, _label_lines),
-        (METRICS, _metric_lines),
-        (headed, _heading_lines),
-        (limits, _threshold_lines),
-        (PARAMETERS, _axis_lines),
-        (EFFECTS, _effect_lines),
-        ({row.name: row for row in (RUN, *list_rows())}, _row_lines),
-        (CHECKS, _check_lines),
-        (RULES, _rule_lines),
-        (ORACLES, _oracle_lines),
-        (ENGINES, _engine_lines),
-        ({name: (name, text) for name, text in SEVERITIES.items()}, _severity_lines),
-        ({name: (name, text) for name, text in MISTAKES.items()}, _mistake_lines),
-        ({column.name: column for column in _COLUMNS}, _column_lines),
-    )
-    for entries, lines in sources:
-        for name, entry in entries.items():
-            definitions.setdefault(_definition_key(name), []).append(partial(lines, entry))
+    for kind in _list_kinds():
+        for name, entry in kind.entries.items():
+            definitions.setdefault(_definition_key(name), []).append(partial(kind.lines, entry))
     for term in read_glossary():
         for word in (term.word, *term.synonyms):
             definitions.setdefault(_definition_key(word), []).append(partial(_term_lines, term))
     return definitions
+
+
+class _Kind(NamedTuple):
+    title: str
+    entries: Mapping[str, Any]
+    lines: Callable[[Any], Iterator[str]]
+
+
+def _list_kinds() -> tuple[_Kind, ...]:
+    headed = {metric.heading: metric for metric in METRICS.values() if metric.heading}
+    known_names = LABELS.keys() | METRICS.keys()
+    limits = {name: each for name, each in THRESHOLDS.items() if name not in known_names}
+    rows = {row.name: row for row in (RUN, *list_rows())}
+    columns = {column.name: column for column in _COLUMNS}
+    severities = {name: (name, text) for name, text in SEVERITIES.items()}
+    mistakes = {name: (name, text) for name, text in MISTAKES.items()}
+    return (
+        _Kind("labels", LABELS, _label_lines),
+        _Kind("metrics", METRICS, _metric_lines),
+        _Kind("headings of metrics", headed, _heading_lines),
+        _Kind("limits", limits, _threshold_lines),
+        _Kind("axes", PARAMETERS, _axis_lines),
+        _Kind("effects", EFFECTS, _effect_lines),
+        _Kind("rows of the error budget", rows, _row_lines),
+        _Kind("checks", CHECKS, _check_lines),
+        _Kind("rules of lint", RULES, _rule_lines),
+        _Kind("oracles", ORACLES, _oracle_lines),
+        _Kind("engines", ENGINES, _engine_lines),
+        _Kind("severities", severities, _severity_lines),
+        _Kind("mistakes", mistakes, _mistake_lines),
+        _Kind("columns of runs.parquet", columns, _column_lines),
+    )
+
+
+def list_words() -> tuple[WordMeaning, ...]:
+    """Return all words with a definition, by their kind."""
+    words = {kind.title: [*kind.entries] for kind in _list_kinds()}
+    words["axes of shipped scenes"] = [*_scene_axes()]
+    words["terms"] = [term.word for term in read_glossary()]
+    return tuple(
+        WordMeaning(word=title, title=title, texts=(", ".join(dict.fromkeys(names)),))
+        for title, names in words.items()
+    )
 
 
 @cache
