@@ -18,17 +18,21 @@ from contactlab.tasks.reference_error import ErrorEstimate
 LONG = "left_hand_of_the_robot_with_a_long_name_of_a_pad"
 
 
-def test_each_row_is_one_line_of_eighty_columns() -> None:
-    part: dict[str, Any] = {"kind": "geom", "error": 0.123, "body": LONG, "reason": "a safeguard"}
-    row = PartEffect(
-        name=LONG, verdict="below the tolerance", time_ratio=TimeRatio.of(0.123, 0.1, 0.2),
-        can_go=False, **part,
+@pytest.mark.parametrize("error", [0.123, 0.00047, 0.0])
+def test_each_row_is_one_line_of_eighty_columns(error: float) -> None:
+    part: dict[str, Any] = {"kind": "geom", "error": error, "body": LONG, "reason": "a safeguard"}
+    rows = tuple(
+        PartEffect(
+            name=LONG + end, verdict="below the tolerance",
+            time_ratio=TimeRatio.of(0.123, 0.1, 0.2), can_go=False, **part,
+        )
+        for end in ("_1", "_2")
     )  # fmt: skip
-    report = effects().model_copy(update={"effects": (row, row)})
+    report = effects().model_copy(update={"effects": rows})
     lines = render_text(describe_effects(report), 80).splitlines()
-    rows = [line for line in lines if line.startswith("geom left_hand")]
-    assert len(rows) == 2
-    assert all(len(line) <= 80 and "x0.12" in line for line in lines if line in rows)
+    lines = [line for line in lines if line.startswith("geom lef")]
+    assert len({*lines}) == 2, "names that differ in their end look alike"
+    assert all(len(line) <= 80 and "x0.12" in line for line in lines)
 
 
 def test_a_time_within_its_noise_is_no_saving() -> None:

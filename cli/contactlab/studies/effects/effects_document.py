@@ -68,8 +68,8 @@ def _describe_row(part: PartEffect) -> tuple[str, ...]:
     if ratio is not None:
         # A difference within noise does not count.
         time = "same" if ratio.low <= 1 <= ratio.high else f"x{ratio.ratio:.2f}"
-    # A row fits into 80 columns.
-    part_name, body = _shorten_name(name_part(part), width=27), _shorten_name(part.body, width=15)
+    # A row fits into 80 columns beside the longest verdict, error and time.
+    part_name, body = _shorten_name(name_part(part), width=25), _shorten_name(part.body, width=15)
     return part_name, part.verdict, error, body, time
 
 
@@ -80,7 +80,11 @@ def name_part(part: PartEffect) -> str:
 
 
 def _shorten_name(text: str, width: int) -> str:
-    return text if len(text) <= width else f"{text[: width - 1]}…"
+    # Names of a model often share their begin, and differ in their end.
+    if len(text) <= width:
+        return text
+    begin = width // 3
+    return f"{text[:begin]}…{text[begin + 1 - width :]}"
 
 
 def _list_sentences(report: EffectsReport, shown_parts: list[PartEffect]) -> Iterator[str]:
