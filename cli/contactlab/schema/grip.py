@@ -146,5 +146,9 @@ class GripReport(ReportModel):
 
     @property
     def problem(self) -> str:
-        """The verdict, if the object creeps or drops."""
-        return "" if self.holds else f"{self.model} {self.verdict} {self.object}"
+        """The verdict, if the gripper does not hold the object."""
+        if self.holds:
+            return ""
+        if self.verdict == "penetrates":
+            return f"{self.model}: the fingers penetrate {self.object}"
+        return f"{self.model}: {self.object} {self.verdict}"

@@ -1,6 +1,6 @@
 """Describes a grip: its verdict, the squeeze, the drifts, trials, placements, causes and fixes."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from contactlab.rendering.amounts import format_amount
 from contactlab.rendering.document import (
@@ -49,6 +49,7 @@ def describe_grip(report: GripReport) -> Document:
         [table_of(of_placements, placements)] if placements else [],
         [Sentence(cause.sentence) for cause in report.causes[1:]],
         [Table(of_fixes, tuple(map(_fix_row, report.fixes)))] if report.fixes else [],
+        [Sentence(text) for text in _explain_missing_patches(report.fixes)],
         [Sentence(note) for note in report.notes],
     )
 
@@ -98,9 +99,16 @@ def _trial_facts(report: GripReport) -> Iterator[tuple[str, str]]:
 def _fix_row(fix: GripFix) -> Row:
     ratio = format_amount(fix.time_ratio.ratio, "x") if fix.time_ratio else ""
     worse = ", worse than as written" if fix.worse else ""
-    why = (f"no patch: {fix.no_patch_reason}",) if fix.no_patch_reason else ()
     cells = (fix.name, _speed_text(fix.speed), ratio, f"{fix.verdict}{worse}")
-    return Row(cells, details=(*fix.lines, *why))
+    return Row(cells, details=fix.lines)
+
+
+def _explain_missing_patches(fixes: Sequence[GripFix]) -> Iterator[str]:
+    # Many fixes change the same thing that the file does not have.
+    for reason in dict.fromkeys(fix.no_patch_reason for fix in fixes if fix.no_patch_reason):
+        names = [fix.name for fix in fixes if fix.no_patch_reason == reason]
+        are_all = len(names) == len(fixes) > 1
+        yield f"no patch for {'any of them' if are_all else '; '.join(names)}: {reason}"
 
 
 def _speed_text(speed: float | None, lost: str = "lost") -> str:
