@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 def explain(
     words: Annotated[
         str | Sequence[str],
-        Argument("WORD", "Any word that contactlab prints; lists all by default.", kind=list[str]),
+        Argument("WORD", "A printed word; all by default.", kind=list[str]),
     ] = (),
     *,
     plugin: opt.Plugins = (),
 ) -> "Explanation":
-    """Explain a word of the output, or list all words.
+    """Explain a word of the output, or list all.
 
     Raises:
         SweepFileError: a word has no definition.
