@@ -93,6 +93,7 @@ def test_null_in_a_metric(baseline: Path, runs: Runs, stored: Stored) -> None:
     gone.measure(0, depth=None)
     report = compare_stores(baseline, stored("gone", gone))
     assert (report.verdict, report.exit_code) == ("missing", 1)
+    assert report.headline.startswith("values missing: 1 of ")
     found = check(report, "depth no worse")
     assert (found.verdict, found.message) == ("missing", "1 of 8 runs without a value now")
     assert (found.worst[0].baseline, found.worst[0].candidate) == (1e-3, None)

@@ -57,6 +57,7 @@ def test_a_missing_run_and_one_more(baseline: Path, runs: Runs, stored: Stored) 
     more.runs.append(last.model_copy(update={"run_id": "f" * 16, "index": 8, "seed": 1}))
     report = compare_stores(baseline, stored("fewer", fewer))
     assert (report.verdict, report.exit_code, report.pairs.missing) == ("missing", 1, 1)
+    assert report.headline.startswith("runs missing: 1 of ")
     missing = check(report, "no missing runs")
     assert missing.message == "1 of 8 runs not in the candidate"
     assert missing.worst[0].baseline_run == f"{3:016x}"

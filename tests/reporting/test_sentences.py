@@ -16,6 +16,7 @@ from contactlab.page import header_films as page_pictures
 from contactlab.page.header_films import header_films
 from contactlab.page.page_view import first_look, list_stable_tiles, listed_runs
 from contactlab.page.report_files import write_page
+from contactlab.page.script_data import listed_metrics
 from contactlab.page.sentences import (
     closest_settings,
     compared_settings,
@@ -25,7 +26,7 @@ from contactlab.page.sentences import (
 from contactlab.rendering.amounts import format_amount
 from contactlab.rendering.text import render_text
 from contactlab.reporting.report import PageRequest, ReportData, read_report_data
-from contactlab.reporting.report_columns import Quantity
+from contactlab.reporting.report_columns import Quantity, summary_metrics
 from contactlab.reporting.store_document import describe_store
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
@@ -223,3 +224,14 @@ def test_a_sweep_without_failures_says_how_deep_and_how_fast(swept: Swept) -> No
     [cost] = data.quantities_named("cost_cpu_per_sim_s")
     slowest = float(speeds.text.split()[0].replace(",", ""))
     assert slowest == pytest.approx(1 / np.nanmax(cost.values), rel=0.01)
+
+
+def test_error_and_depth_come_first_in_lists_of_metrics(swept: Swept) -> None:
+    """The map of a stable sweep shows the first; one without an error shows the depth."""
+    data = read_report_data(swept("bounce"))
+    assert summary_metrics()[0] == "penetration_max"
+    no_tradeoff = replace(data, tradeoff=None)
+    assert listed_metrics(no_tradeoff)[:2] == ["backward_error", "penetration_max"]
+    (depth,) = data.quantities_named("penetration_max")
+    few = replace(data.quantities, columns=(depth.column,))
+    assert listed_metrics(replace(no_tradeoff, quantities=few)) == ["penetration_max"]

@@ -361,10 +361,17 @@ def draw_conclusion(checks: Sequence[Finding], passed: str = "same") -> tuple[Ch
     parts = [f"{len(failed)} of {plural(len(checks), 'check')} fail"] if failed else []
     parts += [f"{plural(len(skipped), 'check')} cannot be made"] if skipped else []
     if parts:
-        return verdict, code, f"{verdict}: {', '.join(parts)}"
+        return verdict, code, f"{_verdict_words(verdict, checks)}: {', '.join(parts)}"
     changes = ", ".join(_count_changes(checks))
     word = passed if verdict == "same" else verdict
     return verdict, code, f"{word}: no check of {len(checks)} fails{changes and f'; {changes}'}"
+
+
+def _verdict_words(verdict: Change, checks: Sequence[Finding]) -> str:
+    if verdict != "missing":
+        return verdict
+    of_runs = any(check.verdict == verdict and check.kind == "runs" for check in checks)
+    return f"{'runs' if of_runs else 'values'} {verdict}"
 
 
 def _count_changes(checks: Sequence[Finding]) -> Iterator[str]:

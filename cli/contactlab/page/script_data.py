@@ -167,9 +167,14 @@ def page_colours(labels: RunLabels) -> list[str]:
 
 
 def listed_metrics(data: ReportData) -> list[str]:
-    """Return the metrics that lists of runs show: the error, the time, and those of the summary."""
+    """Return the metrics of lists of runs: the error, the time, and those of the summary.
+
+    The first is that of the map if all runs are stable.
+    """
     report = data.tradeoff
-    first = (report.error.name, report.time.name, *report.tolerances) if report else ()
+    first: tuple[str, ...] = ("backward_error",)
+    if report is not None:
+        first = (report.error.name, report.time.name, *report.tolerances)
     stored_names = {column.name for column in data.quantities.columns}
     metric_names = dict.fromkeys((*first, *summary_metrics()))
     return [name for name in metric_names if name in stored_names][: _RULES.most_metrics]

@@ -264,9 +264,10 @@ def summary_metrics() -> list[str]:
     """Return the physical metrics that a sweep's summary prints, the penetration first."""
     from contactlab.measure import METRICS  # noqa: PLC0415 - takes a while
 
-    return [
+    names = [
         metric.name for metric in METRICS.values() if metric.heading and metric.kind == "physics"
     ]
+    return sorted(names, key=lambda name: name != "penetration_max")
 
 
 def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
