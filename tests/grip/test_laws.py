@@ -172,6 +172,32 @@ def test_too_weak_a_squeeze_drops(tmp_path: Path) -> None:
     assert report.pull.weights < 1
 
 
+@pytest.mark.parametrize("fixes", [False, True])
+def test_a_cause_names_only_tested_changes(tmp_path: Path, fixes: bool) -> None:
+    """The control range of this squeeze ends at it, so that no more squeeze can be tested."""
+    text = claw_with_bar(1, 0.3, cone="elliptic", impratio="100", most="1")
+    report, _ = judged(tmp_path, text, keyframe="held", fixes=fixes)
+    assert report.verdict == "drops"
+    assert not any("squeeze" in fix.name for fix in report.fixes)
+    sentence = report.causes[0].sentence
+    assert "nor more squeeze" not in sentence
+    assert ("friction" in sentence) == fixes
+
+
+def test_a_hand_that_gives_way_holds_as_much(tmp_path: Path) -> None:
+    """Its slide follows a pull, which changes no force between pads and bar: 2 mu F = 2 N.
+
+    Pulls differ by 5 % of that, and what slides is borne by as much at most: the tolerance.
+    """
+    text = claw_with_bar(1, 0.3, cone="elliptic", impratio="100")
+    held, _ = judged(tmp_path, text, keyframe="held")
+    slide = '<joint type="slide" axis="0 0 1" stiffness="500" damping="20"/>'
+    text = text.replace('quat="1 0 0 0">', f'quat="1 0 0 0">{slide}')
+    report, _ = judged(tmp_path, text.replace('qpos="', 'qpos="0 '), keyframe="held")
+    assert held.pull.force == pytest.approx(2, rel=0.05)
+    assert report.pull.force == pytest.approx(2, rel=0.05)
+
+
 @pytest.mark.long
 def test_remedies_of_a_keyframe_rank_and_hold_in_plain_mujoco(tmp_path: Path) -> None:
     """What is said to hold does: from the keyframe, four seconds of mj_step, at the speed told."""

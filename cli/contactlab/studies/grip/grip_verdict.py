@@ -101,7 +101,7 @@ def _first_cause(evidence: GripEvidence) -> tuple[CauseKind, str] | None:
         return "shape", "it slips out while the fingers close, before it is loaded"
     if evidence.word == "drops" and evidence.pull < evidence.weight:
         kind: CauseKind = "weak squeeze"
-        end = ", and neither more friction nor more squeeze is enough"
+        end = _missing_force(evidence.speeds_with_fixes)
         if evidence.is_halved_by("squeeze"):
             end = "; more squeeze holds it"
         elif evidence.is_halved_by("friction"):
@@ -124,6 +124,14 @@ def _first_cause(evidence: GripEvidence) -> tuple[CauseKind, str] | None:
             return kind, text
     unknown: CauseKind = "unknown"
     return (unknown, "no tested change halves the speed") if evidence.speeds_with_fixes else None
+
+
+def _missing_force(speeds_with_fixes: Mapping[str, float]) -> str:
+    if "friction" not in speeds_with_fixes:
+        return ""
+    if "squeeze" in speeds_with_fixes:
+        return ", and neither more friction nor more squeeze is enough"
+    return ", twice the friction is not enough, and the control ranges allow no more squeeze"
 
 
 def _regularized_cause(evidence: GripEvidence) -> str:

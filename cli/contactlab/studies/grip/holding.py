@@ -386,7 +386,7 @@ def pull_object(
     the pads apart.
     """
     limit = _friction_capacity(fixture, squeeze)
-    shares = np.arange(_LOADING.pull_step, _LOADING.most_pull, _LOADING.pull_step)
+    shares = np.arange(0, _LOADING.most_pull, _LOADING.pull_step)
     steps = max(8, round(_LOADING.pull_seconds / fixture.model.opt.timestep))
     forces = np.repeat(load.load_forces(np.zeros(3))[None], len(shares), axis=0)
     rows = repeat_input(squeeze.row, len(shares), 1)[:, 0]
@@ -400,7 +400,11 @@ def pull_object(
         rolled = roll_out(fixture.model, rows, controls, applied, borne=True)
         assert rolled.borne is not None
         borne = (-rolled.borne[:, steps // 2 :, dof : dof + 3] @ way).mean(axis=1)
-        slips = borne < (1 - _LOADING.slip_share) * limit * shares
+        # Contacts that stick bear the same share of each pull. The rest accelerates the object
+        # together with a hand that gives way, and without a pull they bear what moves the hand.
+        steps_up = np.arange(len(shares))
+        sticking = borne[0] + (borne[1] - borne[0]) * steps_up
+        slips = borne < sticking - _LOADING.slip_share * limit * shares
         # An object that is flung out has no contact left in the pull that it slips in.
         until = int(slips.argmax()) + 1 if slips.any() else len(borne)
         force_by_way[name] = max(0.0, float(borne[:until].max()))
