@@ -159,6 +159,16 @@ def test_an_overlap_of_the_start_is_the_first_cause(word: VerdictWord) -> None:
     assert report.why[0] == OVERLAP.sentence
 
 
+@pytest.mark.parametrize(("place", "is_cause"), [("floor - mug", True), ("lid - pan", False)])
+def test_an_overlap_causes_no_dependence_at_another_contact(place: str, is_cause: bool) -> None:
+    overlap = OVERLAP.model_copy(update={"place": place})
+    report = conclude(examined("depends", facts=(overlap,)))
+    assert report.verdict == "depends"
+    assert (overlap.sentence in report.why) == is_cause
+    assert ("move the bodies apart" in report.fix) == is_cause
+    assert overlap.sentence in " ".join(render_text(describe_examination(report)).split())
+
+
 START = Cause(
     stage="start",
     sentence="its start overlaps by 20 mm at contact world - mug",

@@ -113,7 +113,11 @@ def test_motors_that_get_positions_are_a_fact_and_no_cause(tmp_path: Path) -> No
     source, reference = find_scene(str(file)), str(file)
     file = lint_file(source, reference, "bent")
     assert file.faults == ()
-    assert any("gives 2 motors the positions" in fact.sentence for fact in file.facts)
+    kinds = [fact.kind for fact in file.facts if "gives 2 motors the positions" in fact.sentence]
+    assert kinds == ["limp"]
+    other = lint_file(source, reference, "still")
+    kinds = [fact.kind for fact in other.facts if "gives 2 motors the positions" in fact.sentence]
+    assert kinds == ["file"]
 
 
 JAMMED = """<mujoco><worldbody><geom type="plane" size="2 2 .1"/>

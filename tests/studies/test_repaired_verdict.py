@@ -25,6 +25,12 @@ DOUBLED = """<mujoco><worldbody><geom type="plane" size="1 1 .1"/>
 ARM = """<mujoco><worldbody><body pos="0 0 1">
   <joint name="hip" axis="0 1 0" actuatorfrcrange="-5 5"/><geom size=".03" pos=".1 0 0"/>
   </body></worldbody><keyframe><key name="home" qpos=".5"/></keyframe></mujoco>"""
+WHEEL = """<mujoco><option timestep=".002"/><worldbody><body>
+  <joint name="turn" axis="0 0 1" damping=".005"/><geom size=".1" mass=".005"/></body></worldbody>
+<actuator><velocity joint="turn" kv=".05" ctrlrange="-1 1" forcerange="-.0043 .0043"/></actuator>
+</mujoco>"""
+"""Half the step halves the error of the run, which its weak motor limits, but at 1 ms any motion
+grows 1.2-fold."""
 FAULT = FileFault("no-actuators", "no actuators: the robot hangs limp; add one")
 LIMP = """<robot name="limp">
   <link name="base"><inertial><mass value="2"/>
@@ -64,6 +70,33 @@ def test_an_edit_of_the_file_that_ends_all_complaints_counts_whatever_they_hid()
     assert not is_better(
         RepairedModel(held, labels["before"]), RepairedModel(held, labels["both"]), edit
     )
+
+
+@pytest.mark.long
+def test_no_fix_leaves_a_joint_that_the_step_does_not_hold(tmp_path: Path) -> None:
+    path = tmp_path / "wheel.xml"
+    path.write_text(WHEEL)
+    report = contactlab.examine(
+        path, output=tmp_path / "one.json", duration="0.6s", workers=0, seeds=1
+    )
+    assert report.fixes
+    (half,) = (one for one in report.rejected_fixes if one.name == "half the step")
+    assert half.reason.startswith("it leaves: a step of 1 ms with Euler does not hold joint 'turn'")
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.opt.timestep = 0.001
+    assert measure_growth(model) == pytest.approx(1.2, rel=0.02)
+    (numerical,) = (one for one in report.fixes if not one.changes_model)
+    assert numerical.settings == {"integrator": "implicitfast"}
+    model.opt.timestep, model.opt.integrator = 0.002, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    assert measure_growth(model) < 1
+
+
+def measure_growth(model: mujoco.MjModel) -> float:
+    """Return the factor that one step changes a small speed by."""
+    data, speed = mujoco.MjData(model), 1e-9
+    data.qvel[0] = speed
+    mujoco.mj_step(model, data)
+    return abs(float(data.qvel[0])) / speed
 
 
 @pytest.mark.long

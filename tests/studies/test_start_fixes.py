@@ -97,24 +97,33 @@ LEGGED = """<robot name="legged">
     <collision><geometry><box size=".02 .02 .02"/></geometry></collision></link>
   <joint name="glue" type="fixed"><parent link="base"/><child link="plate"/>
     <origin xyz="0 0 .06"/></joint>
-  <link name="leg"><inertial><origin xyz="0 0 -.1"/><mass value=".5"/>
+  {legs}
+</robot>
+"""
+LEG = """<link name="leg{number}"><inertial><origin xyz="0 0 -.1"/><mass value=".5"/>
     <inertia ixx=".001" iyy=".001" izz=".001" ixy="0" ixz="0" iyz="0"/></inertial>
     <collision><origin xyz="0 0 -.1"/><geometry><box size=".05 .05 .24"/></geometry></collision>
   </link>
-  <joint name="hip" type="revolute"><parent link="base"/><child link="leg"/>
-    <origin xyz=".08 0 -.05"/><axis xyz="0 1 0"/>
-    <limit lower="-1" upper="1" effort="10" velocity="5"/></joint>
-</robot>
-"""
+  <joint name="hip{number}" type="revolute"><parent link="base"/><child link="leg{number}"/>
+    <origin xyz="{x} {y} -.05"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="10" velocity="5"/></joint>"""
+CORNERS = ((0.08, 0.08), (0.08, -0.08), (-0.08, 0.08), (-0.08, -0.08))
+
+
+def save_legged(folder: Path, count: int) -> Path:
+    """Save a plate on legs at its first corners."""
+    legs = [LEG.format(number=number, x=x, y=y) for number, (x, y) in enumerate(CORNERS[:count], 1)]
+    path = folder / "legged.urdf"
+    path.write_text(LEGGED.format(legs="".join(legs)))
+    return path
 
 
 def test_the_root_of_a_urdf_gets_a_free_joint(tmp_path: Path) -> None:
     """Its mass moves then, and nothing touches: base and leg are parent and child."""
-    path = tmp_path / "legged.urdf"
-    path.write_text(LEGGED)
+    path = save_legged(tmp_path, 4)
     scene = SceneLoader(Path()).open(str(path)).with_effects("all")
     motions = task_motions(scene, {}, scene.task({}, 0.01))
-    exclude, free = separate_links(scene, {}, motions, verdict_of("joint hip"))
+    exclude, free = separate_links(scene, {}, motions, verdict_of("joint hip1"))
     assert (exclude.apply, free.apply) == ("exclude", "freejoint")
     assert (exclude.same_states, free.same_states) == (True, False)
     assert free.edits.freed == ("base",)
@@ -123,14 +132,22 @@ def test_the_root_of_a_urdf_gets_a_free_joint(tmp_path: Path) -> None:
     model = mujoco.MjModel.from_xml_path(str(made.path))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    assert (model.nv, data.ncon) == (7, 0)
-    assert model.body_subtreemass[model.body("base").id] == pytest.approx(3, rel=1e-12)
+    assert (model.nv, data.ncon) == (10, 0)
+    assert model.body_subtreemass[model.body("base").id] == pytest.approx(4.5, rel=1e-12)
     # The centre of mass is where the welded model has it: nothing but the joint is new.
     welded = mujoco.MjModel.from_xml_path(str(path))
     still = mujoco.MjData(welded)
     mujoco.mj_forward(welded, still)
-    leg = [each.body("leg").xipos for each in (data, still)]
+    leg = [each.body("leg1").xipos for each in (data, still)]
     np.testing.assert_allclose(leg[0], leg[1], atol=1e-12)
+
+
+def test_the_root_of_a_urdf_that_stands_on_no_limbs_stays_fixed(tmp_path: Path) -> None:
+    """One leaf that turns in its frame is a door as well as a leg."""
+    scene = SceneLoader(Path()).open(str(save_legged(tmp_path, 1))).with_effects("all")
+    motions = task_motions(scene, {}, scene.task({}, 0.01))
+    words = [each.apply for each in separate_links(scene, {}, motions, verdict_of("joint hip1"))]
+    assert words == ["exclude"]
 
 
 def test_a_base_that_mjcf_welds_is_meant(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from math import isinf
 
 from contactlab.judge.conclusion import failed_names
-from contactlab.rendering.amounts import format_percent
+from contactlab.rendering.amounts import format_error, format_percent
 from contactlab.schema.error_budget import BudgetReason
 from contactlab.schema.examination import Examination, Fix, RestingContact, RunLabel
 
@@ -74,13 +74,13 @@ def fix_summary(fix: Fix, report: Examination) -> str:
     The effect is on the number of the first reason of the report's budget.
     """
     reason = report.budget.reasons[0] if report.budget and report.budget.reasons else None
-    effect = "" if fix.error is None else f"error falls to {format_percent(fix.error)}"
+    effect = "" if fix.error is None else f"error falls to {format_error(fix.error)}"
     if fix.error is not None and reason is not None:
         number = _CHANGED_NUMBERS.get(reason.row, "numerical error")
         if reason.verdict == "depends":
             number = f"effect of {reason.row}"
         before = "infinite" if isinf(reason.error) else format_percent(abs(reason.error))
-        effect = f"{number} falls from {before} to {format_percent(fix.error)}"
+        effect = f"{number} falls from {before} to {format_error(fix.error)}"
     if fix.removes == "labels":
         effect = "no failure label is left"
     elif verdicts := [

@@ -21,7 +21,7 @@ from contactlab.reporting.examination import (
     labels_in_why,
 )
 from contactlab.schema.error_budget import BudgetPhase, BudgetReason
-from contactlab.schema.examination import Cause, Examination
+from contactlab.schema.examination import Cause, Examination, Fact
 from contactlab.schema.finding import Finding
 from contactlab.schema.task import QPOS0
 from contactlab.schema.verdict import PASSING_VERDICTS, VerdictWord, join_verdict
@@ -153,8 +153,9 @@ def _yield_causes(report: Examination, verdict: VerdictWord) -> Iterator[str]:
         return  # the rest follows from the causes
     if verdict != "ok":
         has_start_cause = any(cause.stage == "start" for cause in report.causes)
-        for kind in ("advisory",) if has_start_cause else ("overlap", "advisory"):
-            yield from (fact.sentence for fact in report.facts if fact.kind == kind and fact.value)
+        facts = [*([] if has_start_cause else _list_causing_overlaps(report, verdict))]
+        facts += [fact for fact in report.facts if fact.kind == "advisory" and fact.value]
+        yield from (fact.sentence for fact in facts)
     failed = {*_failed_checks(report)}
     # A check of the kind of a fact that a cause states has the same numbers.
     stated = {
@@ -175,6 +176,14 @@ def _yield_causes(report: Examination, verdict: VerdictWord) -> Iterator[str]:
     passes = verdict in PASSING_VERDICTS
     grips = (fact for fact in report.facts if fact.kind == "grip")
     yield from (fact.sentence for fact in grips if passes or not is_held(fact))
+
+
+def _list_causing_overlaps(report: Examination, verdict: VerdictWord) -> Iterator[Fact]:
+    # A modeling choice is judged where its forces are, so no other contact decides on it.
+    place = reasons[0].place if (reasons := judged_reasons(report)) else ""
+    for fact in report.facts:
+        if fact.kind == "overlap" and fact.value and (verdict != "depends" or fact.place == place):
+            yield fact
 
 
 def _touches_nothing(report: Examination) -> bool:
@@ -324,7 +333,7 @@ def _choose_fix(report: Examination, verdict: VerdictWord, tried_count: int, not
         if has_remedy and by_hand and not cause.repair:
             return remedy if "contactlab grip" in remedy else f"{_BY_HAND}{remedy}"
     start = report.task.start if report.task.start == QPOS0 else f"keyframe {report.task.start}"
-    overlaps = any(fact.kind == "overlap" for fact in report.facts)
+    overlaps = any(_list_causing_overlaps(report, verdict))
     first = [f"move the bodies apart in {start}"] if overlaps else []
     first += [
         f"avoid {fact.place}" for fact in report.facts if fact.kind == "advisory" and fact.value

@@ -336,6 +336,7 @@ def _measure_budget(
                 repaired.labels,
                 lambda file: open_changed_model(file, examined.session, request.task),
                 _limit_share(limit, _VERIFYING, repaired.examined),
+                frozenset(fault.rule for fault in faults if fault.stage == "numerics"),
             )
             search = _search_fixes(
                 request, repaired, files, verifier, _limit_share(limit, _FIXING, examined)

@@ -60,7 +60,7 @@ def lint_file(source: SceneSource, reference: str, start: str) -> LintedFile:
     found = [*report.open("error"), *report.open("warning")]
     faults = [*_list_start_faults(source, reference, start)]
     facts, most_named = list[Fact](), 3
-    shown = [finding for finding in found if not _is_limp(finding)]
+    shown = [one for one in found if not _is_limp(one) and not _voids_start(one, start)]
     for number, finding in enumerate(shown[:most_named], 1):
         place = f"{_relative_to_model(finding.file, reference)}:{finding.line}"
         sentence = f"{place}: {finding.severity}: {finding.message} [{finding.name}]"
@@ -76,7 +76,7 @@ def lint_file(source: SceneSource, reference: str, start: str) -> LintedFile:
         if is_certain or rule.cause:
             stage = rule.cause or "file"
             faults.append(FileFault(finding.name, sentence, stage, is_certain=is_certain))
-        elif is_limp:
+        elif is_limp or _voids_start(finding, start):
             line = finding.line
             facts.append(Fact(kind="limp", place=place, value=line, unit="", sentence=sentence))
     return LintedFile(tuple(faults), tuple(facts))
@@ -84,6 +84,10 @@ def lint_file(source: SceneSource, reference: str, start: str) -> LintedFile:
 
 def _is_limp(finding: PlacedFinding) -> bool:
     return RULES[finding.name].voids_postures
+
+
+def _voids_start(finding: PlacedFinding, start: str) -> bool:
+    return RULES[finding.name].voids_starts and f"keyframe '{start}'" in finding.message
 
 
 def write_rule_edits(

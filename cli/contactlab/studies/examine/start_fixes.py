@@ -2,8 +2,8 @@
 
 Links that a joint holds in each other's geoms push with the force of the joint. MuJoCo leaves out
 contacts of parent and child unless the parent is the world, as for a robot with a welded base from
-a URDF. Its pairs may be excluded, or its base set free. A body that begins beyond its limits, in
-another body, or off its equalities may begin elsewhere.
+a URDF. Its pairs may be excluded, or its base set free if it stands on limbs. A body that begins
+beyond its limits, in another body, or off its equalities may begin elsewhere.
 """
 
 import math
@@ -33,6 +33,8 @@ from contactlab.studies.examine.standing_starts import (
     find_fall,
     list_standing_poses,
 )
+from contactlab.studies.lint.linted_model import linted_model
+from contactlab.studies.lint.structure import find_welded_roots
 from contactlab.tasks.session import Values
 
 _ENDLESS = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
@@ -236,9 +238,13 @@ def _free_roots(
     """Yield the change that gives the root links of a URDF a free joint, which no URDF can have.
 
     They are those that carry a link of a pair by joints, and are welded to the world themselves.
+    The frame of a door belongs to a wall: only a robot that stands on limbs gets one.
     """
     if scene.source.model.suffix != ".urdf":
         return
+    with linted_model(scene.source) as linted:
+        if linted.compiled is None or not any(find_welded_roots(linted)):
+            return
     roots = dict[str, None]()
 
     def free(spec: mujoco.MjSpec) -> None:

@@ -14,6 +14,7 @@ from contactlab.scene.model_draft import ModelEdits
 from contactlab.schema.examination import Fix, RejectedFix, RunLabel
 from contactlab.schema.verification import VerifiedChange
 from contactlab.studies.examine.fixes import FixSearch
+from contactlab.studies.examine.linted_file import lint_file
 from contactlab.studies.verification import (
     OriginalRuns,
     Verification,
@@ -37,6 +38,8 @@ class FixVerifier:
         labels: failure labels of the model's runs.
         open_changed: opens the file of a changed model under the same task.
         find_time_left: returns the counted time until verifications end early [s].
+        faulty_rules: rules of lint that find faults of the model's step; no fix of its numerics
+            leaves one.
         rejected: fixes that were dropped, with the reason.
     """
 
@@ -45,6 +48,7 @@ class FixVerifier:
     labels: Sequence[RunLabel]
     open_changed: Callable[[str], CheckedModel]
     find_time_left: Callable[[], float]
+    faulty_rules: frozenset[str] = frozenset()
     rejected: list[RejectedFix] = field(default_factory=list[RejectedFix])
     _begun: dict[str, Verification] = field(default_factory=dict[str, Verification])
     _verifications: dict[str, VerifiedChange] = field(default_factory=dict[str, VerifiedChange])
@@ -69,7 +73,11 @@ class FixVerifier:
         Those that did not pass are dropped from the search.
         """
         while (fixes := search.reported_fixes()) or search.search_further():
-            if not fixes:
+            faulty = {fix.name: why for fix in fixes if (why := self._find_fault_left(search, fix))}
+            for name, why in faulty.items():
+                self.rejected.append(RejectedFix(name=name, reason=why))
+                search.drop_fix(name)
+            if not fixes or faulty:
                 continue
             first = first_fix(fixes)
             edits = search.find_edits(first.name)
@@ -112,6 +120,25 @@ class FixVerifier:
                 return None, f"{name}: {verification.sentence}"
             self._drop_fix(search, name, verification)
 
+    def _find_fault_left(self, search: FixSearch, fix: Fix) -> str:
+        # Half a step may remove the error of a run although a joint grows until its motor is full.
+        if not self.faulty_rules or self.verdict.word not in _NUMERICAL:
+            return ""
+        try:
+            written = search.write_once(fix.name, search.find_edits(fix.name))
+        except SceneError:
+            return ""
+        source = self.examined.scenes.open(written.reference).source
+        linted = lint_file(source, written.reference, self.examined.task.start)
+        return next(
+            (
+                f"it leaves: {one.sentence}"
+                for one in linted.faults
+                if one.rule in self.faulty_rules
+            ),
+            "",
+        )
+
     def _drop_fix(self, search: FixSearch, name: str, verification: VerifiedChange) -> None:
         self.rejected.append(RejectedFix(name=name, reason=verification.sentence))
         search.drop_fix(name)
@@ -148,7 +175,8 @@ class FixVerifier:
             changed=self._open_edited(search, name, edits),
             same_model=computed,
             keeps_motion=keeps_motion,
-            keeps_start=not edits.moves_start,
+            # Links without a contact that jams them come to rest elsewhere, too.
+            keeps_start=not edits.fixes_start,
             must_improve=_LOOP_MEASURES if in_loop and keeps_motion else (),
             allowed_error=self.examined.task.tolerance if numerical else 0.0,
             stop_early=True,

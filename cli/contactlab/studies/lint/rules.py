@@ -24,6 +24,7 @@ class Rule:
         of_refused: whether it also judges models that MuJoCo does not compile.
         voids_runs: whether runs of such a model say nothing of the one that its author meant.
         voids_postures: whether runs from a keyframe do, since motors hold its posture.
+        voids_starts: whether a run from the keyframe that a finding names is not the intended one.
         cause: stage of the fault if a verdict may follow from it, so that its edit is tried.
     """
 
@@ -33,6 +34,7 @@ class Rule:
     of_refused: bool = False
     voids_runs: bool = False
     voids_postures: bool = False
+    voids_starts: bool = False
     cause: Stage | None = None
 
     @property
@@ -62,6 +64,7 @@ def rule(
     of_refused: bool = False,
     voids_runs: bool = False,
     voids_postures: bool = False,
+    voids_starts: bool = False,
     cause: Stage | None = None,
 ) -> Callable[[RuleFunction], RuleFunction]:
     """Declare a rule: the function yields the faults of a `LintedModel`.
@@ -70,7 +73,8 @@ def rule(
     """
 
     def declare(function: RuleFunction) -> RuleFunction:
-        RULES.add(Rule(name, level, function, of_refused, voids_runs, voids_postures, cause))
+        voids = voids_runs, voids_postures, voids_starts
+        RULES.add(Rule(name, level, function, of_refused, *voids, cause))
         return function
 
     return declare

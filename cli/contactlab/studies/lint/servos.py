@@ -106,7 +106,7 @@ def _list_motors(model: mujoco.MjModel) -> Iterator[_Motor]:
             yield _Motor(actuator, joint, float(gain), float(gear))
 
 
-@rule("keyframe-torque", "warn")
+@rule("keyframe-torque", "warn", voids_starts=True)
 def keyframe_torque(linted: LintedModel) -> Iterator[Fault]:
     """A keyframe gives motors the positions of their joints, as a servo would take them.
 
