@@ -3,14 +3,16 @@
 import json
 import re
 import unicodedata
+import warnings
 from xml.etree import ElementTree as ET
 
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from contactlab.printable import in_markdown, in_one_line, printable, visible
+from contactlab.printable import in_markdown, in_one_line, printable, shorten_warnings, visible
 from contactlab.schema.finding import Finding, RunPair
+from contactlab.temporary_folders import names_temporary_file, temporary_root
 from contactlab.writers import WRITERS, Report, Section, as_text
 from contactlab.writers.github import write_annotations
 
@@ -28,6 +30,18 @@ def obeyed(text: str) -> list[str]:
         for line in re.split("\r\n|\r|\n", text)
         if line.lstrip().startswith("::") or "##[" in line
     ]
+
+
+def test_a_warning_about_a_copy_is_not_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A user cannot edit a temporary file, and the same warning about the model was shown."""
+    monkeypatch.setattr(warnings, "formatwarning", warnings.formatwarning)
+    shorten_warnings(names_temporary_file)
+    copy = temporary_root() / "copy.obj"
+    shown = [
+        warnings.formatwarning(f"no texture in '{file}'", UserWarning, "", 0)
+        for file in (copy, "model.obj")
+    ]
+    assert shown == ["", "warning: no texture in 'model.obj'\n"]
 
 
 @given(HOSTILE)

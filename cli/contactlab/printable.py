@@ -32,9 +32,14 @@ def visible(text: str) -> str:
     return _CONTROL.sub(_escape_character, text)
 
 
-def shorten_warnings() -> None:
-    """Print Python's warnings as text in one line, without lines of source."""
-    warnings.formatwarning = lambda message, *_: f"warning: {in_one_line(str(message))}\n"
+def shorten_warnings(is_hidden: Callable[[str], bool] = lambda _: False) -> None:
+    """Print Python's warnings as text in one line, without lines of source, except hidden ones."""
+
+    def format_warning(message: Warning | str, *_: object) -> str:
+        text = str(message)
+        return "" if is_hidden(text) else f"warning: {in_one_line(text)}\n"
+
+    warnings.formatwarning = format_warning
 
 
 def printable(text: str) -> str:

@@ -28,6 +28,11 @@ def temporary_root() -> Path:
     return _open_root(tempfile.gettempdir(), os.getpid())
 
 
+def names_temporary_file(text: str) -> bool:
+    """Return whether a text names a temporary file, which a user cannot edit."""
+    return f"{tempfile.gettempdir()}{os.sep}{_PREFIX}" in text
+
+
 @cache
 def _open_root(place: str, process: int) -> Path:
     del process  # a forked process has a folder of its own

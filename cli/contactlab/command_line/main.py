@@ -29,6 +29,7 @@ from contactlab.errors import (
 from contactlab.printable import in_one_line as in_one_line_of
 from contactlab.printable import printable, shorten_warnings
 from contactlab.resources import open_file_limit
+from contactlab.temporary_folders import names_temporary_file
 
 _HELP = ("-h", "--help")
 _OF_OTHERS = "From other packages"
@@ -175,7 +176,7 @@ def main() -> None:
     """Run the command line; an error that the user can act on is printed as one message."""
     # Processes that this one starts, or its libraries, import nothing of the current folder.
     os.environ["PYTHONSAFEPATH"] = "1"
-    shorten_warnings()
+    shorten_warnings(names_temporary_file)
     try:
         _check_surroundings(sys.argv[1:])
         sys.exit(_run_words(complete_words(sys.argv[1:])))

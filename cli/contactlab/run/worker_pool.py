@@ -35,7 +35,7 @@ from contactlab.printable import shorten_warnings
 from contactlab.run.fork_server import CONTEXT, STOP_SIGNALS, signals_blocked, start_process
 from contactlab.run.tasks import CrashedJob, Job, Result, Stop, Task
 from contactlab.run.worker import Worker
-from contactlab.temporary_folders import temporary_folder
+from contactlab.temporary_folders import names_temporary_file, temporary_folder
 
 Context = ForkServerContext | SpawnContext
 # Messages of the engine, zstandard and the operating system.
@@ -228,7 +228,7 @@ def _serve_jobs(task: Task, pipe: Connection, marker: Path, environment: dict[st
     its own start. The marker gets a traceback when a run times out.
     """
     os.environ.update(environment)
-    shorten_warnings()
+    shorten_warnings(names_temporary_file)
     signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
     # This process ends as soon as its parent (not the fork server) has ended.
     parent = multiprocessing.parent_process()

@@ -555,3 +555,19 @@ def test_a_step_that_is_none_has_no_gains_to_hold(linted: Linted, timestep: str)
     found = rules_of(linted(SLIDER.format(h=timestep, integrator="Euler", k=1e5, c=0, d=0)))
     assert "option-value" in found
     assert "gain-step" not in found
+
+
+def test_a_warning_of_the_engine_names_the_models_own_file(tmp_path: Path) -> None:
+    """Lint compiles a copy of the model; MuJoCo warns of the copy's mesh."""
+    corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvt 0 0\n"
+    (tmp_path / "part.obj").write_text(
+        f"{corners}f 1/9 2/9 3/9\nf 1/1 2/1 4/1\nf 1/1 3/1 4/1\nf 2/1 3/1 4/1\n"
+    )
+    model = tmp_path / "model.xml"
+    mesh = '<mesh name="part" file="part.obj"/>'
+    model.write_text(
+        f"<mujoco><asset>{mesh}</asset><worldbody><body><freejoint/>"
+        '<geom type="mesh" mesh="part"/></body></worldbody></mujoco>'
+    )
+    (warned,) = (each for each in lint([str(model)]).findings if each.name == "deprecated")
+    assert f"'{tmp_path / 'part.obj'}'" in warned.message

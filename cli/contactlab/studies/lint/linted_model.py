@@ -333,9 +333,11 @@ def linted_model(source: SceneSource) -> Generator[LintedModel]:
                     error if resource else compile_error(copy.model, copy.model, error)
                 )
                 refused = error_message.replace(str(copy.content.root), str(source.content.root))
-        warned = tuple(dict.fromkeys(str(warning.message) for warning in caught))
-
         own, by_line = source.content.root, origins.by_line
+        texts = (str(warning.message) for warning in caught)
+        warned = tuple(
+            dict.fromkeys(text.replace(str(copy.content.root), str(own)) for text in texts)
+        )
 
         def real(origin: Origin) -> Origin:
             return own / origin[0].relative_to(copy.content.root), origin[1]
