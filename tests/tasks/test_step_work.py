@@ -61,3 +61,29 @@ def test_counted_units_are_those_of_the_engine() -> None:
     assert counts["island"] == pytest.approx(2, abs=0.2)
     assert (counts["round"], counts["box"]) == (2, 0)  # each box near the plane, not the other
     assert counts["stage"] == 1
+
+
+TERRAIN = """<mujoco><asset><hfield name="h" nrow="21" ncol="41" size="2 2 .1 .1"/></asset>
+  <worldbody><geom type="hfield" hfield="h"/>
+    <body pos="{place}"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("place", "columns", "rows"),
+    [
+        ("0 0 .1", 3, 2),  # a ball of 200 mm over cells of 100 mm by 200 mm
+        ("1.95 0 .1", 2.5, 2),  # of 150 mm inside the edge
+        ("0 0 .4", 0, 0),  # above the highest prism that the field may have
+        ("2.2 0 .1", 0, 0),
+    ],
+)
+def test_prisms_of_a_height_field_below_a_geom_are_work(
+    place: str, columns: float, rows: float
+) -> None:
+    """A geom at the other end of a terrain adds no work, although the terrain's sphere contains it."""
+    model = mujoco.MjModel.from_xml_string(TERRAIN.format(place=place))
+    data, work = mujoco.MjData(model), StepWork(model)
+    mujoco.mj_forward(model, data)
+    work.look_at_pairs(data)
+    work.count_step(data)
+    assert work.total[UNITS.index("field")] == pytest.approx(2 * columns * rows)
