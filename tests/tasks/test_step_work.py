@@ -80,7 +80,7 @@ TERRAIN = """<mujoco><asset><hfield name="h" nrow="21" ncol="41" size="2 2 .1 .1
 def test_prisms_of_a_height_field_below_a_geom_are_work(
     place: str, columns: float, rows: float
 ) -> None:
-    """A geom at the other end of a terrain adds no work, although the terrain's sphere contains it."""
+    """A geom at the other end of a terrain adds no work, although its sphere contains it."""
     model = mujoco.MjModel.from_xml_string(TERRAIN.format(place=place))
     data, work = mujoco.MjData(model), StepWork(model)
     mujoco.mj_forward(model, data)

@@ -365,12 +365,11 @@ class Observer:
         self._batch.bind("time")[:] = 0
         sensor_rows = self._batch.rollout(1, record=list(_OBSERVED), ids=list(range(count)))
         twist = sensor_rows["cvel"][:, 0, self._bodies]
-        arm = (
-            sensor_rows["xipos"][:, 0, self._bodies] - sensor_rows["subtree_com"][:, 0, self._roots]
-        )
-        spin = twist[..., :3]
-        velocities[..., :3] = twist[..., 3:] + np.cross(spin, arm)
-        velocities[..., 3:] = spin * self._radius[:, None]
+        spin, middles = twist[..., :3], sensor_rows["xipos"][:, 0, self._bodies]
+        with np.errstate(invalid="ignore", over="ignore"):  # a diverged run has infinite states
+            arm = middles - sensor_rows["subtree_com"][:, 0, self._roots]
+            velocities[..., :3] = twist[..., 3:] + np.cross(spin, arm)
+            velocities[..., 3:] = spin * self._radius[:, None]
         energies[:] = sensor_rows["energy"][:, 0]
 
 
