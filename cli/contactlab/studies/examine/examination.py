@@ -45,6 +45,7 @@ from contactlab.studies.check.chosen_checks import chosen_checks, judged_finding
 from contactlab.studies.check.own_runs import describe_reference
 from contactlab.studies.examine.conclusion import conclude, find_failed_checks
 from contactlab.studies.examine.contact_values import measure_contacts, split_values
+from contactlab.studies.examine.departures import list_departures
 from contactlab.studies.examine.design_causes import find_lost_grip, find_sagging_servo
 from contactlab.studies.examine.engine_faults import MetFaults
 from contactlab.studies.examine.facts import (
@@ -353,6 +354,7 @@ def _measure_budget(
             *met.facts,
             *list_falls(ends.motion, repaired.causes),
             *list_free_falls(model),
+            *list_departures(ends.motion, task.start, repaired.causes),
             *explain_depth(list_facts(examined.motions, times), examined),
             *list_run_notes(examined),
             *list_inertia_facts(examined.prepared.model),
