@@ -13,10 +13,11 @@ import mujoco
 
 from contactlab.errors import SceneError
 from contactlab.modifications.unused_pairs import pairs_within
-from contactlab.rendering.amounts import format_percent
+from contactlab.rendering.amounts import format_amount, format_percent
 from contactlab.reporting.verified_measures import describe_measure
 from contactlab.scene.model_names import printed_geom_name
 from contactlab.scene.model_writer import WrittenModel, write_model
+from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.tune_report import MODEL, Target, Verification
 from contactlab.schema.verification import VerifiedChange, VerifiedMeasure
 from contactlab.studies.search.configuration import (
@@ -122,6 +123,22 @@ class FailureBound:
 
 def _integrator_of(evaluation: Evaluation) -> object:
     return evaluation.configuration.settings.get(INTEGRATOR)
+
+
+def explain_lack_of_saving(price: TimeRatio, cost: float) -> str:
+    """Return why a measured time and counted work show no saving; "" if they show one.
+
+    Counted work decides while the interval of the time leaves a saving open, so that the same
+    candidate is recommended on a busy machine. But if it saves less than its own error, a time
+    that is not shorter decides.
+    """
+    count_error = 0.13  # of counted ratios of nine in ten models, see `budget.step_work`
+    if price.low > SAVING:
+        return f"{price.text} time: no saving, although it does less work"
+    if price.ratio >= 1 and cost > 1 - count_error:
+        work = format_amount(cost, "x")
+        return f"{price.text} time: no saving; {work} work is within the error of the count"
+    return ""
 
 
 class CandidateVerifier:
@@ -271,21 +288,15 @@ class CandidateVerifier:
         return written_model, verification
 
     def _saves_no_time(self, evaluation: Evaluation) -> bool:
-        """Time a candidate on whole runs; reject it if it proves to save none although it should.
-
-        Its counted work decides while the interval of its time leaves a saving open, so that the
-        same candidate is recommended on a busy machine.
-        """
+        """Time a candidate on whole runs; reject it if it shows no saving although it should."""
         self._time_candidate(evaluation)
         price = evaluation.time_ratio
         if self._search.max_cost is not None or error_of(self.current) > self._target.limit:
             return False
-        if price is None or price.low <= SAVING:
-            return False
-        self._reject_candidate(
-            evaluation, f"{price.text} time: no saving, although it does less work"
-        )
-        return True
+        reason = "" if price is None else explain_lack_of_saving(price, evaluation.cost)
+        if reason:
+            self._reject_candidate(evaluation, reason)
+        return bool(reason)
 
     def _verify_exact(self, goal: Goal) -> VerifiedCandidate | None:
         """Return the exact savings if they serve a goal, and stay exact on other runs."""
