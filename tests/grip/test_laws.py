@@ -172,7 +172,7 @@ def test_too_weak_a_squeeze_drops(tmp_path: Path) -> None:
     assert report.pull.weights < 1
 
 
-@pytest.mark.parametrize("fixes", [False, True])
+@pytest.mark.parametrize("fixes", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_a_cause_names_only_tested_changes(tmp_path: Path, fixes: bool) -> None:
     """The control range of this squeeze ends at it, so that no more squeeze can be tested."""
     text = claw_with_bar(1, 0.3, cone="elliptic", impratio="100", most="1")
@@ -182,6 +182,16 @@ def test_a_cause_names_only_tested_changes(tmp_path: Path, fixes: bool) -> None:
     sentence = report.causes[0].sentence
     assert "nor more squeeze" not in sentence
     assert ("friction" in sentence) == fixes
+
+
+@pytest.mark.long
+def test_a_full_force_is_why_no_more_squeeze_is_tested(tmp_path: Path) -> None:
+    """Their controls leave a twentyfold squeeze, which their force limits do not."""
+    text = claw_with_bar(1, 0.3, cone="elliptic", impratio="100")
+    limited = text.replace('ctrlrange="-20 20"', 'ctrlrange="-20 20" forcerange="-1 1"')
+    report, _ = judged(tmp_path, limited, keyframe="held", fixes=True)
+    (note,) = (note for note in report.notes if "squeeze" in note)
+    assert note == "More squeeze was not tested, since a and b press with their largest force."
 
 
 def test_a_hand_that_gives_way_holds_as_much(tmp_path: Path) -> None:

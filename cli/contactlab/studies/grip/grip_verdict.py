@@ -131,7 +131,7 @@ def _missing_force(speeds_with_fixes: Mapping[str, float]) -> str:
         return ""
     if "squeeze" in speeds_with_fixes:
         return ", and neither more friction nor more squeeze is enough"
-    return ", twice the friction is not enough, and the control ranges allow no more squeeze"
+    return ", twice the friction is not enough, and the actuators allow no more squeeze"
 
 
 def _regularized_cause(evidence: GripEvidence) -> str:

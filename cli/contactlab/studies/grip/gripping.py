@@ -8,6 +8,7 @@ from pathlib import Path
 import mujoco
 
 from contactlab.errors import SceneError, SweepFileError
+from contactlab.numerical_tolerance import COARSE_ROUNDING
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.angle_units import find_radian_angles
 from contactlab.scene.compile_model import compile_model
@@ -168,14 +169,14 @@ def judge_grip(request: GripRequest) -> GripReport:
         for body, force in pressing
         if force > 0 or body != grip.fixture.base
     ]
-    notes = list(setup.notes)
+    controls, notes = tuple(_control_rows(grip)), list(setup.notes)
     if setup.mounted_hand is not None:
         notes.append(
             "The base of the hand is fixed to the world. Contacts of the base with the first "
             "links, which MuJoCo filters on an arm, are excluded."
         )
     if tested_fixes and not any(each.against == "squeeze" for each in tested_fixes):
-        notes.append("More squeeze was not tested, since the control ranges end here.")
+        notes.append(_explain_no_squeeze(controls))
     return GripReport(
         model=request.model,
         mujoco=VERSION,
@@ -187,7 +188,7 @@ def judge_grip(request: GripRequest) -> GripReport:
         object=_object_words(setup),
         base=model.body(grip.fixture.base).name,
         opening=grip.closing.opening if grip.closing else None,
-        controls=tuple(_control_rows(grip)),
+        controls=controls,
         fingers=tuple(fingers),
         depth=grip.squeeze.depth,
         depth_share=evidence.deep,
@@ -330,6 +331,19 @@ def _control_rows(grip: Grip) -> Iterator[GripControl]:
             force=force,
             limit=None if most is None else abs(most),
         )
+
+
+def _explain_no_squeeze(controls: Sequence[GripControl]) -> str:
+    full = [
+        each.name
+        for each in controls
+        if each.limit and math.isclose(abs(each.force), each.limit, rel_tol=COARSE_ROUNDING)
+    ]
+    if not full:
+        return "More squeeze was not tested, since the control ranges end here."
+    return (
+        f"More squeeze was not tested, since {' and '.join(full)} press with their largest force."
+    )
 
 
 def _placement_rows(
