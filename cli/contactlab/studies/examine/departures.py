@@ -15,7 +15,7 @@ from contactlab.schema.task import QPOS0
 from contactlab.studies.examine.standing_starts import begin_motion, step_first_seed
 
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
-_LANDING_SECONDS = 0.03  # in which a body falls by 4 mm, the rounding of a start by hand
+_LANDING_SECONDS = 0.03  # a body falls by 4 mm until then, the rounding of a start by hand
 _REST_PHASES = ("rest", "held")  # of a task, without pushes and sines
 
 

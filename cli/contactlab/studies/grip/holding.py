@@ -400,8 +400,8 @@ def pull_object(
         rolled = roll_out(fixture.model, rows, controls, applied, borne=True)
         assert rolled.borne is not None
         borne = (-rolled.borne[:, steps // 2 :, dof : dof + 3] @ way).mean(axis=1)
-        # Contacts that stick bear the same share of each pull. The rest accelerates the object
-        # together with a hand that gives way, whose own motion they bear without a pull.
+        # Contacts that stick carry the same share of each pull. The rest accelerates the object
+        # together with a hand that gives way. Such a hand also moves without a pull.
         steps_up = np.arange(len(shares))
         sticking = borne[0] + (borne[1] - borne[0]) * steps_up
         slips = borne < sticking - _LOADING.slip_share * limit * shares
