@@ -61,8 +61,13 @@ def test_a_known_cause_of_the_start_is_told_alone() -> None:
             "more": '<body pos="-.05 0 .15"><joint type="slide" axis="1 0 0"/>'
             '<geom size=".06"/></body>',
         },
+        {
+            "angle": 0.0,
+            "more": '<body pos="-.2 0 .15"><joint type="slide" axis="1 0 0" springref="1" '
+            'stiffness="300"/><geom size=".04"/></body>',
+        },
     ],
-    ids=["belt", "dropped", "touched"],
+    ids=["belt", "dropped", "touched", "hit"],
 )
 def test_a_body_that_is_moved_or_dropped_has_no_fact(changed: dict[str, object]) -> None:
     motion = make_motion(friction=0.2, **changed)  # pyright: ignore[reportArgumentType]

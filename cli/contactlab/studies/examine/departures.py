@@ -37,7 +37,7 @@ def list_departures(motion: Motion, start: str, causes: Sequence[Cause]) -> Iter
     """Yield the fact that a body does not stay on its support, such as a phone on a steep stand.
 
     The body floats alone, begins without velocity on static geoms that do not move like a belt, and
-    moves farther than its own extent before anything pushes it.
+    moves farther than its own extent without a touch of another body that moves.
     """
     if motion.name not in _REST_PHASES or any(one.stage in ("file", "start") for one in causes):
         return
@@ -51,6 +51,8 @@ def list_departures(motion: Motion, start: str, causes: Sequence[Cause]) -> Iter
                 supports[body] = support
         if not is_new and not supports:
             break
+        for body in _list_touched_bodies(model, data):
+            supports.pop(body, None)
     for body, support in supports.items():
         way = float(np.linalg.norm(data.xpos[body] - before[body]))
         own = model.geom_bodyid == body
@@ -83,6 +85,13 @@ def _list_resting_bodies(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator
         driven = np.any(model.actuator_trnid[:, 0] == joint) and bool(model.nu)
         if joints[body] == 1 and not driven and not data.qvel[dof : dof + 6].any():
             yield body
+
+
+def _list_touched_bodies(model: mujoco.MjModel, data: mujoco.MjData) -> list[int]:
+    # Roots of bodies that touch a body that moves.
+    bodies = model.geom_bodyid[data.contact.geom]  # (ncon, 2)
+    touch = (model.body_weldid[bodies] > 0).all(axis=1) & (data.contact.geom >= 0).all(axis=1)
+    return np.unique(model.body_rootid[bodies[touch]]).tolist()
 
 
 def _find_support(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> _Support | None:
