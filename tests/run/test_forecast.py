@@ -11,6 +11,7 @@ from contactlab.errors import SweepFileError
 from contactlab.rendering.text import render_text
 from contactlab.reporting.store_reports_document import describe_forecast
 from contactlab.run import forecast as forecasts
+from contactlab.run.forecast import forecast_sweep
 from contactlab.run.planned_runs import RunIndex
 from contactlab.run.sampled_cost import SampledCost, sample_cost
 from contactlab.run.sweep_request import SweepRequest, read_request
@@ -188,3 +189,19 @@ def test_a_pd_controller_runs_no_code_of_the_user_and_has_a_forecast(tmp_path: P
     request = read_request(text, "held", tmp_path / "store", folder=tmp_path, workers=0)
     assert not request.allow_code
     assert forecasts.forecast_sweep(request).seconds is not None
+
+
+ROBOT = """<mujoco><worldbody>{floor}<body name="trunk" pos="0 0 1"><freejoint/><geom size=".1"/>
+<body pos=".2 0 0"><joint/><geom size=".05" pos=".1 0 0"/></body></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(("floor", "warns"), [("", 1), ('<geom type="plane" size="1 1 1"/>', 0)])
+def test_a_robot_that_falls_for_ever_is_warned_of(tmp_path: Path, floor: str, warns: int) -> None:
+    (tmp_path / "robot.xml").write_text(ROBOT.format(floor=floor))
+    request = requested(tmp_path, scene="robot.xml", axes={"timestep": TIMESTEPS})
+    index = RunIndex(request.plan, request.scene)
+    for warnings in (
+        forecast_sweep(request).warnings,
+        [*forecasts.warn_of_settings(request, index)],
+    ):
+        assert sum("nothing is below the floating base trunk" in each for each in warnings) == warns

@@ -28,6 +28,7 @@ from contactlab.run.sampled_cost import sample_cost
 from contactlab.run.sweep_advisories import find_sweep_advisories
 from contactlab.run.sweep_request import SweepRequest
 from contactlab.scene.contact_pairs import half_extents, touch_places
+from contactlab.scene.floating_bases import find_falling_robot
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
@@ -217,6 +218,7 @@ def _forecast_warnings(plan: Plan, scene: Scene, runs: int, sums: _RunSums) -> I
             f"timestep / (timeconst * dampratio) is above {STABLE_STEP}, so contacts gain energy"
         )
     yield from _setting_warnings(sums, runs)
+    yield from _warn_of_fall(scene)
     if sums.sampled and not (scene.source.manifest and scene.source.manifest.pairs):
         base = scene.base(sums.sampled[0].structure)
         count, monitored = len(touch_places(base.model)[0]), len(base.pairs)
@@ -232,6 +234,15 @@ def warn_of_settings(request: SweepRequest, index: RunIndex) -> Iterator[str]:
     """Yield settings of a sweep's runs that look like another unit, or that runs replace."""
     yield from question_units(request.plan.axes, request.scene)
     yield from _setting_warnings(_sum_runs(index), len(index))
+    yield from _warn_of_fall(request.scene)
+
+
+def _warn_of_fall(scene: Scene) -> Iterator[str]:
+    if robot := find_falling_robot(scene.base({}).model):
+        yield (
+            f"nothing is below the floating base {robot}: it falls for ever, and labels judge only "
+            "contacts of its own links; sweep the scene that includes it, or add a floor"
+        )
 
 
 def _setting_warnings(sums: _RunSums, runs: int) -> Iterator[str]:

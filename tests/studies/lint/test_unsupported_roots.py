@@ -3,7 +3,7 @@
 import mujoco
 import pytest
 
-from contactlab.studies.lint.structure import list_unsupported_roots
+from contactlab.scene.floating_bases import list_unsupported_roots
 
 ROBOT = """<mujoco>{option}<worldbody>{world}<site name="hook" pos="0 0 2"/>
 <body name="base" pos="0 0 1"><freejoint name="root"/><geom size=".05"/><site name="top"/>

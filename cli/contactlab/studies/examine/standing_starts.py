@@ -20,10 +20,14 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.judge.wording import plural
 from contactlab.rendering.amounts import format_amount
 from contactlab.scene.closed_start import moving_extent
+from contactlab.scene.floating_bases import (
+    count_own_joints,
+    find_driven_joints,
+    list_unsupported_roots,
+)
 from contactlab.scene.model_names import name_of
 from contactlab.scene.part_bodies import AT_JOINT
 from contactlab.schema.examination import Cause, Fact
-from contactlab.studies.lint.structure import find_driven_joints, list_unsupported_roots
 
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
@@ -87,8 +91,7 @@ def list_falls(motion: Motion, causes: Sequence[Cause]) -> Iterator[Fact]:
 def list_free_falls(model: mujoco.MjModel) -> Iterator[Fact]:
     """Yield the fact that a robot without actuators falls freely, since nothing is below it."""
     for root in list_unsupported_roots(model):
-        own = model.body_rootid[model.jnt_bodyid] == model.body_rootid[root]
-        joints = int(np.count_nonzero(own & np.isin(model.jnt_type, _SCALAR)))
+        joints = count_own_joints(model, root)
         if joints and not find_driven_joints(model, root):
             name = name_of(model, "body", root)
             yield Fact(

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.scene.contact_pairs import touch_pairs
-from contactlab.scene.part_bodies import AT_JOINT, is_held_from_outside
+from contactlab.scene.floating_bases import find_driven_joints, list_unsupported_roots
 from contactlab.studies.lint.linted_model import Fault, LintedModel
 from contactlab.studies.lint.rules import rule
 
@@ -161,32 +160,3 @@ def find_missing_floor(linted: LintedModel) -> Iterator[Fault]:
             linted.place("body", root),
         )
         return
-
-
-def list_unsupported_roots(model: mujoco.MjModel) -> Iterator[int]:
-    """Yield floating bases that can touch nothing but their own links, and that nothing carries."""
-    falls = np.linalg.norm(model.opt.gravity) > 0 and not (
-        model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
-    )
-    floats = model.opt.density > 0 or model.body_gravcomp.any() or model.nmocap or model.nflex
-    if not falls or floats:
-        return
-    free = np.asarray(model.jnt_bodyid)[model.jnt_type == _FREE].tolist()
-    roots = [root for root in free if not is_held_from_outside(model, root)]
-    if not roots:
-        return
-    owners = model.body_rootid[model.geom_bodyid].tolist()
-    touching = set[int]()
-    for first, second in touch_pairs(model):
-        if owners[first] != owners[second]:
-            touching.update((owners[first], owners[second]))
-    yield from (root for root in roots if model.body_rootid[root] not in touching)
-
-
-def find_driven_joints(model: mujoco.MjModel, root: int) -> list[int]:
-    """Return the hinges and slides of a root's tree that an actuator drives."""
-    at_joint = np.isin(model.actuator_trntype, AT_JOINT)
-    joints = np.asarray(model.actuator_trnid)[at_joint, 0]
-    driven = joints[np.isin(model.jnt_type[joints], _SCALAR)]
-    is_own = model.body_rootid[model.jnt_bodyid[driven]] == model.body_rootid[root]
-    return [int(joint) for joint in driven[is_own]]
