@@ -68,7 +68,7 @@ def _describe_row(part: PartEffect) -> tuple[str, ...]:
     if ratio is not None:
         # A difference within noise does not count.
         time = "same" if ratio.low <= 1 <= ratio.high else f"x{ratio.ratio:.2f}"
-    # A row fits into 80 columns beside the longest verdict, error and time.
+    # A row fits into 80 columns with the longest verdict, error and time.
     part_name, body = _shorten_name(name_part(part), width=25), _shorten_name(part.body, width=15)
     return part_name, part.verdict, error, body, time
 
