@@ -169,6 +169,14 @@ def test_an_overlap_causes_no_dependence_at_another_contact(place: str, is_cause
     assert overlap.sentence in " ".join(render_text(describe_examination(report)).split())
 
 
+@pytest.mark.parametrize("word", ["ok", "depends", "inaccurate"])
+def test_a_fall_is_said_first_if_the_numerics_pass(word: VerdictWord) -> None:
+    fall = Fact(kind="fall", place="trunk", value=0.5, unit="m", sentence="trunk falls by 500 mm")
+    report = conclude(examined(word, facts=(fall,)))
+    assert (report.why[0] == fall.sentence) == (word != "inaccurate")
+    assert render_text(describe_examination(report)).count(fall.sentence) == 1
+
+
 START = Cause(
     stage="start",
     sentence="its start overlaps by 20 mm at contact world - mug",

@@ -142,8 +142,11 @@ def _error_of(phase: BudgetPhase) -> float:
 def _yield_causes(report: Examination, verdict: VerdictWord) -> Iterator[str]:
     # The main cause comes first, after conditions of the judgment.
     yield from (fact.sentence for fact in report.facts if fact.kind == "limp")
-    if verdict in PASSING_VERDICTS and _touches_nothing(report):
-        yield "no contact was made in the task, so nothing about contact is judged"
+    if verdict in PASSING_VERDICTS:
+        # Sound numerics say nothing of a pose that the model does not hold.
+        yield from (fact.sentence for fact in report.facts if fact.kind == "fall")
+        if _touches_nothing(report):
+            yield "no contact was made in the task, so nothing about contact is judged"
     fix = fix_summary(first_fix(report.fixes), report) if report.fixes else ""
     for cause in report.causes:
         yield cause.sentence
