@@ -2,12 +2,10 @@
 
 import pytest
 
-from contactlab.schema.time_ratio import TimeRatio
 from contactlab.studies.search.configuration import Configuration
 from contactlab.studies.search.settings_search import Evaluation
 from contactlab.studies.search.verification import (
     FailureBound,
-    explain_lack_of_saving,
     step_fraction,
 )
 from contactlab.tasks.reference_error import ErrorEstimate
@@ -44,21 +42,3 @@ def test_no_step_is_tried_again_that_was_too_long_for_its_integrator() -> None:
     assert not after.admits(_tried(28, 0.046))
     assert after.admits(_tried(20, 0.046))
     assert after.admits(_tried(28, 0.046, "implicit"))
-
-
-@pytest.mark.parametrize(
-    ("ratio", "interval", "cost", "saves"),
-    [
-        (0.80, (0.78, 0.82), 0.9, True),
-        (0.95, (0.85, 1.06), 0.93, True),  # a busy machine measures a small saving badly
-        (1.04, (0.92, 1.19), 0.93, False),  # neither measured nor surely counted
-        (1.04, (0.92, 1.19), 0.6, True),
-        (1.02, (1.00, 1.04), 0.6, False),
-    ],
-)
-def test_a_saving_is_measured_or_counted_beyond_the_error_of_the_count(
-    ratio: float, interval: tuple[float, float], cost: float, saves: bool
-) -> None:
-    reason = explain_lack_of_saving(TimeRatio.of(ratio, *interval), cost)
-    assert (not reason) == saves
-    assert "time: no saving" in reason or saves

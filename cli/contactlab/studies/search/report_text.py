@@ -7,7 +7,7 @@ from contactlab.rendering.amounts import format_above, format_amount, format_per
 from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.tune_report import Candidate, TuneReport
 from contactlab.studies.search.configuration import format_settings
-from contactlab.studies.search.settings_search import EQUAL_ERROR_RATIO
+from contactlab.studies.search.settings_search import EQUAL_ERROR_RATIO, SURE_COST
 
 UNVERIFIED = "no time was left to verify the next candidate"
 """Why the search ended without a verdict."""
@@ -139,7 +139,8 @@ def no_recommendation_text(report: TuneReport, *, has_options: bool) -> str:
     if has_options:
         limit = _limit_text(report) if counts_as_equal(report) else f"{current}, as written"
         return f"No accurate {tested} is faster with an error of at most {limit}."
-    end = "is faster without making something worse"
+    least_saving = format_percent(1 - SURE_COST)
+    end = f"saves {least_saving} of the work without making something worse"
     return f"No change recommended. {error}, and no {tested} {end}."
 
 
@@ -156,7 +157,7 @@ def _unverified_candidate(report: TuneReport) -> Candidate | None:
         (one.cost, one)
         for one in report.candidates
         if one.cost is not None
-        and (above or one.cost < 1)
+        and (above or one.cost <= SURE_COST)
         and (one.error or 0.0) <= limit
         and settings_text(one, report.current) not in rejected
     ]

@@ -13,11 +13,10 @@ import mujoco
 
 from contactlab.errors import SceneError
 from contactlab.modifications.unused_pairs import pairs_within
-from contactlab.rendering.amounts import format_amount, format_percent
+from contactlab.rendering.amounts import format_percent
 from contactlab.reporting.verified_measures import describe_measure
 from contactlab.scene.model_names import printed_geom_name
 from contactlab.scene.model_writer import WrittenModel, write_model
-from contactlab.schema.time_ratio import TimeRatio
 from contactlab.schema.tune_report import MODEL, Target, Verification
 from contactlab.schema.verification import VerifiedChange, VerifiedMeasure
 from contactlab.studies.search.configuration import (
@@ -36,6 +35,7 @@ from contactlab.studies.search.settings_search import (
     EQUAL_ERROR_RATIO,
     SAVING,
     STEP_MARGIN,
+    SURE_COST,
     Bound,
     Ending,
     Evaluation,
@@ -123,22 +123,6 @@ class FailureBound:
 
 def _integrator_of(evaluation: Evaluation) -> object:
     return evaluation.configuration.settings.get(INTEGRATOR)
-
-
-def explain_lack_of_saving(price: TimeRatio, cost: float) -> str:
-    """Return why a measured time and counted work show no saving; "" if they show one.
-
-    Counted work decides while the interval of the time leaves a saving open, so that the same
-    candidate is recommended on a busy machine. But if it saves less than its own error, a time
-    that is not shorter decides.
-    """
-    count_error = 0.13  # of counted ratios of nine in ten models, see `budget.step_work`
-    if price.low > SAVING:
-        return f"{price.text} time: no saving, although it does less work"
-    if price.ratio >= 1 and cost > 1 - count_error:
-        work = format_amount(cost, "x")
-        return f"{price.text} time: no saving; {work} work is within the error of the count"
-    return ""
 
 
 class CandidateVerifier:
@@ -288,15 +272,21 @@ class CandidateVerifier:
         return written_model, verification
 
     def _saves_no_time(self, evaluation: Evaluation) -> bool:
-        """Time a candidate on whole runs; reject it if it shows no saving although it should."""
+        """Time a candidate on whole runs; reject it if it proves to save none although it should.
+
+        Its counted work decides while the interval of its time leaves a saving open, so that the
+        same candidate is recommended on a busy machine.
+        """
         self._time_candidate(evaluation)
         price = evaluation.time_ratio
         if self._search.max_cost is not None or error_of(self.current) > self._target.limit:
             return False
-        reason = "" if price is None else explain_lack_of_saving(price, evaluation.cost)
-        if reason:
-            self._reject_candidate(evaluation, reason)
-        return bool(reason)
+        if price is None or price.low <= SAVING:
+            return False
+        self._reject_candidate(
+            evaluation, f"{price.text} time: no saving, although it does less work"
+        )
+        return True
 
     def _verify_exact(self, goal: Goal) -> VerifiedCandidate | None:
         """Return the exact savings if they serve a goal, and stay exact on other runs."""
@@ -412,7 +402,7 @@ class CandidateVerifier:
         now = error_of(self.current)
         if self._search.max_cost is not None:
             return self._search.max_cost < 1 or error_of(evaluation) < SAVING * now
-        return now > bound.limit or evaluation.cost <= SAVING
+        return now > bound.limit or evaluation.cost <= SURE_COST
 
     def _next_candidate(
         self, done_keys: set[Key], bound: Bound, below: FailureBound
@@ -436,7 +426,7 @@ class CandidateVerifier:
                 break
             if fits(candidate):
                 return candidate
-            if candidate.cost > SAVING and error_of(self.current) <= bound.limit:
+            if candidate.cost > SURE_COST and error_of(self.current) <= bound.limit:
                 break
         return ranked_choice
 
