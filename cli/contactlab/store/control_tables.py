@@ -123,18 +123,26 @@ def _split_vectors(arrays: Mapping[str, object]) -> Columns:
     return columns
 
 
+_MCAP_HEAD = 37  # least number of bytes before the last magic: the first one, and a footer
+
+
 def _read_mcap(path: Path) -> Columns:
     """Return the content of JSON messages: numbers by name, or lists of `name` and `position`.
 
     For a trace of a run, it is the states.
     """
     from mcap.reader import make_reader  # noqa: PLC0415 - takes a while
+    from mcap.writer import MCAP0_MAGIC  # noqa: PLC0415
 
     from contactlab.store.mcap.trace_messages import STATE_TOPIC  # noqa: PLC0415
     from contactlab.store.mcap.trace_reader import read_trace  # noqa: PLC0415
 
     rows: list[dict[str, object]] = []
     with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - len(MCAP0_MAGIC)))
+        if file.tell() < _MCAP_HEAD or file.read() != MCAP0_MAGIC:
+            raise ValueError("it is cut, or no MCAP file; record or copy it again")
+        file.seek(0)
         for _, channel, message in make_reader(file).iter_messages():
             if channel.topic == STATE_TOPIC and "nq" in channel.metadata:
                 trace = read_trace(path)

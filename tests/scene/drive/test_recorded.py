@@ -114,6 +114,15 @@ def test_the_log_time_of_a_message_counts_if_it_has_no_other(tmp_path: Path, nam
     assert found["servo"] == pytest.approx(levels)
 
 
+@pytest.mark.parametrize("kept", [0, 8, 11, 16, 60, -1])
+def test_a_cut_log_is_named_with_a_remedy(tmp_path: Path, kept: int) -> None:
+    path = tmp_path / "log.mcap"
+    write_mcap(path, {"time": np.arange(9.0), "servo": np.arange(9.0)})
+    path.write_bytes(path.read_bytes()[:kept])
+    with pytest.raises(SceneError, match=r"log\.mcap: it is cut, or .*; record or copy it again"):
+        read_control_table(path)
+
+
 def test_columns_name_actuators_joints_and_bodies(scene: Scene, tmp_path: Path) -> None:
     text = "time,turn,elbow.ctrl,box.fz,hand.x,hand.qw,box.z,bend.qpos\n"
     text += "5,.1,.2,3,1,1,.5,-.4\n6,.3,.2,3,2,1,9,9\n"
