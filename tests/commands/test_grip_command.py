@@ -36,7 +36,7 @@ def test_creep_ends_with_one_and_names_lines(
     code, out, err = contactlab("grip", str(path), "--keyframe", "held", "--format", "json", *words)
     report = json.loads(out)
     assert code == 1
-    assert "creeps body bar" in err
+    assert "body bar creeps" in err
     assert report["keyframe"] == "held"
     lines = [line for each in report["fixes"] for line in each["lines"]]
     assert any("bar.xml:" in line for line in lines) == fixes

@@ -199,10 +199,8 @@ def read_spec(source: SceneSource, structure: Mapping[str, object]) -> Generator
         limited_memory(COMPILE_BYTES),
     ):
         try:
-            if path == source.model:
-                yield _read_unchanged(source).copy()
-            else:
-                yield _parse_model(source, path)
+            copied = _copy_unchanged(source) if path == source.model else None
+            yield copied or _parse_model(source, path)
         except COMPILE_ERRORS as error:
             raise compile_error(source.model, path, error) from error
 
@@ -214,6 +212,21 @@ def _parse_model(source: SceneSource, path: Path) -> mujoco.MjSpec:
             element.file = str(resource)
     name_by_address(spec)
     return spec
+
+
+_REFERRING = ["actuators", "equalities", "excludes", "pairs", "sensors", "tendons", "tuples"]
+
+
+def _copy_unchanged(source: SceneSource) -> mujoco.MjSpec | None:
+    # None if the model has elements that refer to missing parts: MuJoCo leaves them out of a copy,
+    # and would compile it.
+    spec = _read_unchanged(source)
+    copied = spec.copy()
+    return copied if _count_referring(copied) == _count_referring(spec) else None
+
+
+def _count_referring(spec: mujoco.MjSpec) -> list[int]:
+    return [len(getattr(spec, name)) for name in _REFERRING]
 
 
 _last_read: list[tuple[tuple[object, ...], mujoco.MjSpec]] = []
