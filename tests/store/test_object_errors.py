@@ -14,7 +14,7 @@ import pytest
 
 from contactlab.errors import ContactlabError, OutputError, StoreError
 from contactlab.store.finished_store import Store
-from contactlab.store.store_files import Address, parse_address
+from contactlab.store.store_files import Address, ObjectAddress, parse_address
 from contactlab.store.store_writer import open_writer
 
 pytestmark = pytest.mark.long
@@ -44,6 +44,20 @@ class Misled(Refusing):
     """A server of another region."""
 
     status = 400
+
+
+class Busy(Refusing):
+    """A server that refuses the first three requests, and takes the next one."""
+
+    requests = 0
+
+    def do_PUT(self) -> None:
+        type(self).requests += 1
+        self.rfile.read(int(self.headers["Content-Length"]))
+        self.send_response(503 if self.requests < 4 else 200)
+        self.send_header("ETag", '"1"')
+        self.send_header("Content-Length", "0")
+        self.end_headers()
 
 
 @contextmanager
@@ -164,3 +178,16 @@ def test_not_installed(use: Use, monkeypatch: pytest.MonkeyPatch) -> None:
     assert str(raised.value) == (
         "a store at s3:// needs obstore, which is not installed; pip install 'obstore>=0.12'"
     )
+
+
+@pytest.mark.usefixtures("object_server")
+def test_a_failed_request_is_repeated(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("obstore")
+    from contactlab.store.objects.client import ObjectClient  # noqa: PLC0415
+
+    address = parse_address("s3://bucket/store")
+    assert isinstance(address, ObjectAddress)
+    with serving(Busy) as port:
+        point_to(monkeypatch, port)
+        ObjectClient(address, OutputError).put_file("name", b"content")
+    assert Busy.requests == 4
