@@ -100,8 +100,8 @@ def test_without_a_hold_nothing_is_added(make_scene: Make) -> None:
         ("{from: 0.05, to: 0.02}", "hold goes from 0.05 s to 0.02 s"),
         ("{from: 0.05, to: 0.2}", "hold ends at 0.2 s, after the run, which takes 0.1 s"),
         ("{from: 0.05, to: later}", "unknown later"),
-        ("{from: 0.05}", "hold.to: Field required"),
-        ("{from: 0.05, to: 0.1, by: hand}", "hold.by: Extra inputs"),
+        ("{from: 0.05}", "hold.to: it is missing"),
+        ("{from: 0.05, to: 0.1, by: hand}", "hold.by: unknown key"),
     ],
 )
 def test_mistakes_say_what_and_where(hold: str, message: str, make_scene: Make) -> None:

@@ -36,7 +36,7 @@ from contactlab.scene.model_names import match_names, name_of
 from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import BINARY, MANIFEST, stored_scene
 from contactlab.schema.evidence import SweepIdentity
-from contactlab.schema.requirement import explain_error
+from contactlab.schema.explained_errors import explain_error
 from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store import store_files
@@ -261,7 +261,9 @@ def _read_declarations(
         sweep = Sweep(version=1, scene=name, effects={"base": "all"}, trace=trace)
     except ValidationError as error:
         first = error.errors()[0]
-        raise SceneError(f"{'.'.join(map(str, first['loc']))}: {explain_error(first)}") from error
+        raise SceneError(
+            f"{'.'.join(map(str, first['loc']))}: {explain_error(first, SceneManifest)}"
+        ) from error
     pairs = declared_pairs(model, manifest.pairs)
     for pair, geoms in zip(pairs, colliding_geoms(model, pairs), strict=True):
         if not geoms:

@@ -80,7 +80,9 @@ class SweepContext(Draft):
             takes_one = bool(spec.unit) and " " not in spec.unit
             other = takes_one and magnitude is None and str(value)[:1].isdigit()
             hint = (
-                "write a number" + f" in {spec.unit}" * (spec.unit != "1") if other else str(error)
+                f"write a number{f' in {spec.unit}' * (spec.unit != '1')}"
+                if other and not isinstance(value, float | int)
+                else str(error)
             )
             self.document.add_mistake("bad-value", place, message, f"{hint}{close}")
             return UNREADABLE

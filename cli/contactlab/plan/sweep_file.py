@@ -115,8 +115,8 @@ def _check_draft(
         names = vocabulary(scene)
         context = SweepContext(document, draft.sweep, scene, draft.kept_positions, names)
     except SceneError as error:
-        first, _, rest = str(error).partition("\n")
-        document.add_mistake("unknown-scene", ("scene",), first, rest.replace("\n", "; "))
+        first, *rest = map(str.strip, str(error).splitlines())
+        document.add_mistake("unknown-scene", ("scene",), first, "; ".join(rest))
         return None
     check_drive(context)
     check_names(context)

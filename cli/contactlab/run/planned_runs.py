@@ -210,7 +210,8 @@ def _check_size(run: RunSpec, size: int) -> None:
     if size > most_bytes:
         raise SweepFileError(
             f"a run of {run.steps:,} steps would record {size / 2**30:.1f} GiB {where}; the limit "
-            f"is {most_bytes >> 30} GiB. Shorten `duration` or monitor fewer pairs{remedy}"
+            f"is {most_bytes >> 30} GiB. Shorten `duration`, lengthen `timestep` or monitor fewer "
+            f"pairs{remedy}"
         )
 
 

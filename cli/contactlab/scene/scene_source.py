@@ -21,7 +21,7 @@ from contactlab.scene.model_files import SceneFiles, collect_files, relative_pat
 from contactlab.scene.model_guards import check_places
 from contactlab.scene.model_xml import Elements, list_elements, parse_model
 from contactlab.schema.drive import drive_files
-from contactlab.schema.requirement import explain_error
+from contactlab.schema.explained_errors import explain_file_errors
 from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.strict_model import check_extent
 
@@ -227,18 +227,13 @@ def read_manifest(path: Path) -> SceneManifest:
     """Read a scene's manifest. Raises a SceneError if it is not YAML, or with all wrong keys."""
     from ruamel.yaml.error import YAMLError  # noqa: PLC0415 - most models are no scene
 
+    text = ""
     try:
-        return _parse_manifest(path.read_text(encoding="utf-8-sig"))
+        text = path.read_text(encoding="utf-8-sig")
+        return _parse_manifest(text)
     except ValidationError as error:
-        mistakes = [
-            ([str(part) for part in detail["loc"]], explain_error(detail))
-            for detail in error.errors()
-        ]
-        # Parts with @ distinguish forms of a value; they are not keys.
-        errors = [
-            f"  {'.'.join(part for part in at if '@' not in part)}: {text}" for at, text in mistakes
-        ]
-        raise SceneError("\n".join([f"{path}: invalid manifest", *errors])) from error
+        mistakes = explain_file_errors(error, SceneManifest, text)
+        raise SceneError("\n  ".join([f"{path}: invalid manifest", *mistakes])) from error
     except TypeError as error:
         raise SceneError(f"{path}: not YAML of a manifest: a key is a list or a mapping") from error
     except (YAMLError, ValueError, OSError, RecursionError) as error:

@@ -12,7 +12,7 @@ from functools import lru_cache
 from typing import Annotated, cast
 
 from pydantic import AfterValidator, BeforeValidator, Field
-from pydantic_core import ErrorDetails, PydanticCustomError
+from pydantic_core import PydanticCustomError
 
 from contactlab.contact.required_words import ContactWord, End, MotionWord
 from contactlab.errors import did_you_mean
@@ -210,9 +210,3 @@ def said_now(path: Sequence[str | int], value: object) -> str | None:
         return None
     quoted_words = ", ".join(f'"{word}"' for word in words)
     return f"`{key}` is `must: [{quoted_words}]` now"
-
-
-def explain_error(detail: ErrorDetails) -> str:
-    """Return the message of a validation error, or the requirement that replaces its key."""
-    now = said_now(detail["loc"], detail["input"]) if detail["type"] == "extra_forbidden" else None
-    return now or detail["msg"]
