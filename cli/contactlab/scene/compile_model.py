@@ -211,7 +211,40 @@ def _parse_model(source: SceneSource, path: Path) -> mujoco.MjSpec:
         if resource := source.content.resources.get(plain_name(element.file)):
             element.file = str(resource)
     name_by_address(spec)
+    remove_endless_ranges(spec)
     return spec
+
+
+_LIMITS = {
+    "joints": (("range", "limited"),),
+    "tendons": (("range", "limited"),),
+    "actuators": (
+        ("ctrlrange", "ctrllimited"),
+        ("forcerange", "forcelimited"),
+        ("actrange", "actlimited"),
+    ),
+}
+"""The range of each kind of element, and whether it acts."""
+
+
+def remove_endless_ranges(spec: mujoco.MjSpec) -> None:
+    """Replace ranges of -inf to inf, with a warning, by none.
+
+    A limit at infinity never acts, so that the motion is the same, bit for bit, and other commands
+    meet no infinite number.
+    """
+    for plural, limits in _LIMITS.items():
+        for element in getattr(spec, plural):
+            for field, limited in limits:
+                low, high = getattr(element, field)
+                if low == -np.inf and high == np.inf:
+                    setattr(element, limited, mujoco.mjtLimited.mjLIMITED_FALSE)
+                    setattr(element, field, [0, 0])
+                    kind = plural.removesuffix("s")
+                    text = (
+                        f"{kind} '{element.name}' has {field} -inf inf, so that nothing limits it"
+                    )
+                    warnings.warn(text, ModelWarning, stacklevel=2)
 
 
 _REFERRING = ["actuators", "equalities", "excludes", "pairs", "sensors", "tendons", "tuples"]

@@ -21,6 +21,7 @@ from contactlab.scene.compile_model import (
     InertiaFault,
     check_numbers,
     compile_error,
+    remove_endless_ranges,
     written_inertia_faults,
 )
 from contactlab.scene.model_files import plain_name
@@ -319,6 +320,7 @@ def linted_model(source: SceneSource) -> Generator[LintedModel]:
                     if resource := copy.content.resources.get(plain_name(element.file)):
                         element.file = str(resource)
                 name_by_address(spec)
+                remove_endless_ranges(spec)
                 for kind, plural in _KINDS.items():
                     parts: list[Any] = list(getattr(spec, plural))
                     for part in parts:
