@@ -25,7 +25,7 @@ ENDLESS = {
 def test_its_motion_is_that_of_mujoco(tmp_path: Path, part: str) -> None:
     path = tmp_path / "arm.xml"
     path.write_text(MODEL.format(**{**dict.fromkeys(ENDLESS, ""), part: ENDLESS[part]}))
-    with pytest.warns(ModelWarning, match="-inf inf, which is no limit"):
+    with pytest.warns(ModelWarning, match="-inf inf, so that nothing limits it"):
         model = compile_model(find_scene(str(path)), {}, lambda _: None)
     motions = list[np.ndarray]()
     for one in (model, mujoco.MjModel.from_xml_path(str(path))):
