@@ -192,8 +192,8 @@ class Label:
         letter: one character for it on maps; if it is taken or empty, another letter is used.
         colour: its color in pictures, `#rrggbb`; gray without one.
         thresholds: the limits that its rule reads.
-        judged_on: names of metrics, each with that of its limit or "", which say which of its runs
-            is worst; by default the metrics that its thresholds are named after.
+        judged_on: metrics that order its runs, each with the name of its limit or ""; by default
+            the metrics that its thresholds are named after.
         traits: further properties: `grip` if it says that a grip does not hold, `required` if it
             reports a violated requirement of a scene, `numerical` if its cause may be the step,
             `note` if it makes no verdict `fails`, such as a limit of the recorder,
@@ -235,7 +235,7 @@ class Label:
 
     @property
     def measures(self) -> tuple[tuple[str, str], ...]:
-        """Metrics that say which of its runs is worst, each with its limit's name or ""."""
+        """Metrics that order its runs, each with the name of its limit or ""."""
         named = (threshold.name for threshold in self.thresholds)
         return self.judged_on or tuple((name, name) for name in named if name in METRICS)
 

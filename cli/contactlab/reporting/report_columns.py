@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -118,6 +118,10 @@ class RunLabels:
     codes: Codes  # (n,) index into `names` of each run's worst label
     masks: Codes  # (n,) all labels of a run as bits: bit i for `every[i]`
     every: tuple[str, ...]  # all labels that occur, also together with a worse one
+    # The order of the runs with each label, which several parts of a report show.
+    _worst_rows: dict[int, NDArray[np.intp]] = field(
+        default_factory=dict[int, NDArray[np.intp]], init=False, repr=False, compare=False
+    )
 
     @property
     def colours(self) -> tuple[str, ...]:
@@ -138,8 +142,10 @@ class RunLabels:
         """Return the runs with a worst label, by its code: the worst by its metrics first."""
         from contactlab.judge.worst_runs import order_worst_first  # noqa: PLC0415 - takes a while
 
-        rows = np.flatnonzero(self.codes == code)
-        return rows[order_worst_first(store, self.names[code], rows)]
+        if code not in self._worst_rows:
+            rows = np.flatnonzero(self.codes == code)
+            self._worst_rows[code] = rows[order_worst_first(store, self.names[code], rows)]
+        return self._worst_rows[code]
 
     @property
     def legend(self) -> tuple[str, ...]:

@@ -200,18 +200,22 @@ def read_spec(source: SceneSource, structure: Mapping[str, object]) -> Generator
     ):
         try:
             copied = _copy_unchanged(source) if path == source.model else None
-            yield copied or _parse_model(source, path)
+            yield copied or parse_spec(source, path)
         except COMPILE_ERRORS as error:
             raise compile_error(source.model, path, error) from error
 
 
-def _parse_model(source: SceneSource, path: Path) -> mujoco.MjSpec:
+def parse_spec(source: SceneSource, path: Path) -> mujoco.MjSpec:
+    """Return the specification of a file, with the scene's resources, addresses and limits.
+
+    MuJoCo's errors are not explained: see `COMPILE_ERRORS`.
+    """
     spec = mujoco.MjSpec.from_file(str(path))
     for element in (*spec.meshes, *spec.hfields, *spec.skins, *spec.textures):
         if resource := source.content.resources.get(plain_name(element.file)):
             element.file = str(resource)
     name_by_address(spec)
-    remove_endless_ranges(spec)
+    _remove_endless_ranges(spec)
     return spec
 
 
@@ -227,12 +231,9 @@ _LIMITS = {
 """The range of each kind of element, and whether it acts."""
 
 
-def remove_endless_ranges(spec: mujoco.MjSpec) -> None:
-    """Replace ranges of -inf to inf, with a warning, by none.
-
-    A limit at infinity never acts, so that the motion is the same, bit for bit, and other commands
-    meet no infinite number.
-    """
+def _remove_endless_ranges(spec: mujoco.MjSpec) -> None:
+    # A limit at infinity never acts, so that the motion is the same, bit for bit, without it. Other
+    # commands then meet no infinite number.
     for plural, limits in _LIMITS.items():
         for element in getattr(spec, plural):
             for field, limited in limits:
@@ -276,7 +277,7 @@ def _read_unchanged(source: SceneSource) -> mujoco.MjSpec:
     files = [content.root / file for file in content.files if file.suffix in MODEL_SUFFIXES]
     key = source.model, *((file, file.read_bytes()) for file in files if file.is_file())
     if not _last_read or _last_read[0][0] != key:
-        _last_read[:] = [(key, _parse_model(source, source.model))]
+        _last_read[:] = [(key, parse_spec(source, source.model))]
     return _last_read[0][1]
 
 

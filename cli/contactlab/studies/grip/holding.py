@@ -403,8 +403,8 @@ def pull_object(
         # Contacts that stick carry the same share of each pull. The rest accelerates the object
         # together with a hand that gives way. Such a hand also moves without a pull.
         steps_up = np.arange(len(shares))
-        sticking = borne[0] + (borne[1] - borne[0]) * steps_up
-        slips = borne < sticking - _LOADING.slip_share * limit * shares
+        sticking_forces = borne[0] + (borne[1] - borne[0]) * steps_up
+        slips = borne < sticking_forces - _LOADING.slip_share * limit * shares
         # An object that is flung out has no contact left in the pull that it slips in.
         until = int(slips.argmax()) + 1 if slips.any() else len(borne)
         force_by_way[name] = max(0.0, float(borne[:until].max()))

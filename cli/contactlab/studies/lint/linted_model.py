@@ -21,11 +21,10 @@ from contactlab.scene.compile_model import (
     InertiaFault,
     check_numbers,
     compile_error,
-    remove_endless_ranges,
+    parse_spec,
     written_inertia_faults,
 )
-from contactlab.scene.model_files import plain_name
-from contactlab.scene.model_names import OBJECT_LISTS, name_by_address, name_of
+from contactlab.scene.model_names import OBJECT_LISTS, name_of
 from contactlab.scene.model_text import (
     ElementText,
     Origin,
@@ -315,12 +314,7 @@ def linted_model(source: SceneSource) -> Generator[LintedModel]:
         with warnings.catch_warnings(record=True) as caught, limited_memory(COMPILE_BYTES):
             warnings.simplefilter("always")
             try:
-                spec = mujoco.MjSpec.from_file(str(copy.model))
-                for element in (*spec.meshes, *spec.hfields, *spec.skins, *spec.textures):
-                    if resource := copy.content.resources.get(plain_name(element.file)):
-                        element.file = str(resource)
-                name_by_address(spec)
-                remove_endless_ranges(spec)
+                spec = parse_spec(copy, copy.model)
                 for kind, plural in _KINDS.items():
                     parts: list[Any] = list(getattr(spec, plural))
                     for part in parts:
