@@ -96,10 +96,11 @@ def list_values(value: Json, place: str) -> Iterator[tuple[str, str]]:
         # where the interval is too wide to show the saving of counted work.
         work = r"(x[\d.]+ work, )?"
         times = (
-            rf"{work}x[\d.]+ (\([^)]*\) )?(of the )?time(, which is within noise)?"
-            r"|[\d.]+x real time"
+            rf"same speed \(x[\d.]+ time\)|{work}x[\d.]+ (\([^)]*\) )?(of the )?time"
+            r"(, which is within noise)?|[\d.]+x real time"
         )
-        yield place, re.sub(times, "", str(value))
+        # A ratio near 1 is shown as an equal speed, so that both forms count as the same.
+        yield place, re.sub(times, "TIME", str(value))
 
 
 def read_run(folder: Path) -> dict[str, str]:

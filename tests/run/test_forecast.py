@@ -165,6 +165,7 @@ def test_values_in_another_unit_are_refused_together(tmp_path: Path) -> None:
             "{drop_height: [0.2, -0.08]}",
             "in 1 of 2 tried starts bodies begin deep inside each other, world",
         ),
+        ("{drop_height: [0, -0.01]}", "drop_height -0.01 m starts the free bodies below"),
         ("{timestep: [0.002, 0.2]}", "1 of 2 runs have fewer than 10 steps"),
         ("{timestep: [0.002, 0.004]}", ""),
     ],

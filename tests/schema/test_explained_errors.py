@@ -16,6 +16,7 @@ FIRST = "version: 1\nmodel: ball.xml\n"
         ("duration: 1\npair: []", "line 4: pair: unknown key; did you mean 'pairs'?"),
         ("duration: 1\nhold:\n  from: 0.5", "line 4: hold.to: it is missing"),
         ("thresholds: [1, 2]", "line 3: thresholds: write a mapping, {NAME: VALUE}, not [1, 2]"),
+        ("thresholds: {drift: -1}", "line 3: thresholds.drift: must be greater than or equal to 0"),
         ("duration: -1", "line 3: duration: must be greater than 0"),
         ("pairs:\n  - {geoms: [a, b]}\n  - 7", "line 5: pairs.1: write a mapping"),
     ],

@@ -35,6 +35,7 @@ from contactlab.scene.scene import Scene
 from contactlab.scene.task import describe_excitation
 from contactlab.schema.drive import PolicyDrive, acts_too_often, describe_drive
 from contactlab.schema.store_reports import PlannedAxis, SweepForecast
+from contactlab.schema.vocabulary import DROP_HEIGHT
 
 # The shortest impact takes 10 steps: a time constant is at least 2 timesteps, and a ball is pressed
 # in and thrown back within pi of them, and settles as long.
@@ -327,6 +328,8 @@ def question_units(axes: Iterable[SweptAxis], scene: Scene) -> Iterator[str]:
             yield f"{axis.name} {most:g} m: is {most:g} mm meant? Write {most / 1e3:g}"
         elif unit == "rad" and most > turn:
             yield f"{axis.name} {most:g} rad: are degrees meant? Write {math.radians(most):.4g}"
+        if axis.name == DROP_HEIGHT and min(numbers, default=0.0) < 0:
+            yield f"{axis.name} {min(numbers):g} m starts the free bodies below their written place"
 
 
 def is_number(value: object) -> TypeGuard[float]:

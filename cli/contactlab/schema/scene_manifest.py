@@ -10,6 +10,8 @@ from contactlab.schema.requirement import Requirements
 from contactlab.schema.strict_model import Model, Number, Term, Whole, Word, about
 from contactlab.schema.sweep_schema import Effects
 
+_Limit = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
 
 class InitialValue(Model):
     """One external condition of a run, and how it sets the start state."""
@@ -205,5 +207,5 @@ class SceneManifest(Model):
         "out nothing; or effect name to true or false, with `base` for the others.",
         default_factory=dict,
     )
-    tolerances: dict[str, float] = Field(default_factory=dict)
-    thresholds: dict[str, float] = Field(default_factory=dict)
+    tolerances: dict[str, _Limit] = Field(default_factory=dict)
+    thresholds: dict[str, _Limit] = Field(default_factory=dict)

@@ -120,6 +120,7 @@ def _share_schema(**bounds: float) -> WithJsonSchema:
 
 _Largest = Annotated[Tolerance, WithJsonSchema({**MEASURED, "minimum": 0})]
 _Amount = Annotated[Number, WithJsonSchema(MEASURED)]
+_Limit = Annotated[Number, Field(ge=0), WithJsonSchema({**MEASURED, "minimum": 0})]
 _Traces = Annotated[str, Field(pattern=r"^(all|none|flagged|(flagged\+)?sample:[1-9][0-9]*)$")]
 
 
@@ -440,7 +441,7 @@ class Sweep(Model):
     tolerances: dict[str, _Largest] = about(
         "metric name to the largest acceptable value: a number, 1% or 1mm", default={}
     )
-    thresholds: dict[str, _Amount] = about(
+    thresholds: dict[str, _Limit] = about(
         "label threshold name to a value other than the scene's", default={}
     )
     expect: tuple[Expectation, ...] = about("expected outcomes; makes the sweep a test", default=())
