@@ -257,8 +257,8 @@ def _run_columns(
 def _worst_ranks(data: ReportData, rows: Codes) -> Codes:
     # (m,) the place of each row, the worst label first, and of each label the worst run.
     order = [data.labels.worst_rows(data.store, code) for code in range(len(data.labels.names))]
-    ranks = np.empty(data.store.columns.runs, np.int64)
-    ranks[np.concatenate(order)] = np.arange(len(ranks))
+    ranks = np.empty(data.store.columns.runs, np.uint32)
+    ranks[np.concatenate(order)] = np.arange(len(ranks), dtype=ranks.dtype)
     return np.argsort(np.argsort(ranks[rows]))
 
 

@@ -16,7 +16,12 @@ from contactlab.reporting.report_columns import (
     combination_codes,
     number_with_unit,
 )
-from contactlab.reporting.start_noise import PERTURBATION, start_noise
+from contactlab.reporting.start_noise import (
+    PERTURBATION,
+    code_alike_runs,
+    noise_floor,
+    start_noise,
+)
 from contactlab.schema.evidence import Setting
 from contactlab.schema.tradeoff_report import TradeoffReport
 
@@ -72,9 +77,10 @@ def compared_settings(data: ReportData) -> list[ComparedSettings]:
     enough = next(
         ([axis] for axis in knobs if len(np.unique(axis.codes[measured_rows])) == several), knobs
     )
+    order = np.argsort(groups, kind="stable")
+    ends = np.flatnonzero(np.diff(groups[order])) + 1
     compared: list[ComparedSettings] = []
-    for group in np.unique(groups).tolist():
-        rows = measured_rows[groups == group]
+    for rows in np.split(measured_rows[order], ends) if several else []:
         name = " with ".join(f"{axis.name} {axis.ticks[axis.codes[rows[0]]]}" for axis in enough)
         compared.append(ComparedSettings(rows, float(reality.values[rows].mean()), name))
     return sorted(compared, key=lambda settings: settings.distance)
@@ -121,24 +127,34 @@ def closest_settings(data: ReportData) -> tuple[list[str], list[list[str]], list
 
     A row begins with the id of the run that is farthest from its recording.
     """
-    [reality] = data.quantities_named("reality")
-    quantities = [quantity for quantity in data.quantities if quantity.name.startswith("reality")]
-    knobs = _list_varying_knobs(data)
+    knobs, closest = _list_varying_knobs(data), _find_closest(data)
     rows: list[list[str]] = []
-    most_closest = 12  # lines of the page
-    for setting in compared_settings(data)[:most_closest]:
-        farthest = int(setting.rows[np.argmax(reality.values[setting.rows])])
-        means = [_mean_of_finite(quantity.values[setting.rows]) for quantity in quantities]
+    for setting, farthest in closest:
         ticks = [axis.ticks[axis.codes[farthest]] for axis in knobs]
-        rows.append(
-            [data.store.columns.run_id(int(farthest)), *ticks, f"{len(setting.rows):,}", *means]
-        )
-    floors = [start_noise(data.axes, quantity.values) for quantity in quantities]
+        rows.append([data.store.columns.run_id(farthest), *ticks, f"{len(setting):,}"])
+    header = ["farthest run", *(axis.title for axis in knobs), "runs"]
     foot = ["start noise", *("" for _ in knobs), ""]
-    foot += ["" if floor is None else f"{floor:.3g}" for floor in floors]
-    titles = [f"mean {quantity.title}" for quantity in quantities]
-    header = ["farthest run", *(axis.title for axis in knobs), "runs", *titles]
-    return header, rows, foot if any(floors) else []
+    alike, has_floor = code_alike_runs(data.axes, data.store.columns.runs), False
+    names = [column.name for column in data.quantities.columns]
+    names = [name for name in names if name.startswith("reality")]
+    # Of a large store, one column is in memory at a time.
+    for quantity in data.quantities.select_named(names):
+        header.append(f"mean {quantity.title}")
+        for row, (setting, _) in zip(rows, closest, strict=True):
+            row.append(_mean_of_finite(quantity.values[setting]))
+        floor = noise_floor(alike, quantity.values)
+        foot.append("" if floor is None else f"{floor:.3g}")
+        has_floor |= bool(floor)
+    return header, rows, foot if has_floor else []
+
+
+def _find_closest(data: ReportData) -> list[tuple[NDArray[np.int64], int]]:
+    """Return the runs of each of the closest settings, and the one farthest from its recording."""
+    [reality] = data.quantities_named("reality")
+    most_closest = 12  # lines of the page
+    # Copies, so that the rows of all other settings leave memory.
+    closest = [setting.rows.copy() for setting in compared_settings(data)[:most_closest]]
+    return [(rows, int(rows[np.argmax(reality.values[rows])])) for rows in closest]
 
 
 def _mean_of_finite(values: Floats) -> str:

@@ -66,7 +66,11 @@ def starter_text(
         "# A knob is a setting that you may choose; a scenario is an external condition.",
         "axes:" if axes else "axes: {}",
         *(f"  {line}" for line in axes),
-        *(["  # drop_height: [0, 0.1]   # all free bodies, m above the start; or a coordinate of one"] if can_drop else []),
+        *(
+            ["  # drop_height: [0, 0.1]   # m, of all free bodies above the start"]
+            if can_drop
+            else []
+        ),
         *(f"  # {line}" for line in further),
         "",
         "# zip:                  # axes that advance together",

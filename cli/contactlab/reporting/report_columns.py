@@ -119,8 +119,8 @@ class RunLabels:
     masks: Codes  # (n,) all labels of a run as bits: bit i for `every[i]`
     every: tuple[str, ...]  # all labels that occur, also together with a worse one
     # The order of the runs with each label, which several parts of a report show.
-    _worst_rows: dict[int, NDArray[np.intp]] = field(
-        default_factory=dict[int, NDArray[np.intp]], init=False, repr=False, compare=False
+    _worst_rows: dict[int, NDArray[np.uint32]] = field(
+        default_factory=dict[int, NDArray[np.uint32]], init=False, repr=False, compare=False
     )
 
     @property
@@ -138,12 +138,12 @@ class RunLabels:
         """(n,) whether a run has a failure label."""
         return np.array([name != STABLE for name in self.names], dtype=bool)[self.codes]
 
-    def worst_rows(self, store: Store, code: int) -> NDArray[np.intp]:
+    def worst_rows(self, store: Store, code: int) -> NDArray[np.uint32]:
         """Return the runs with a worst label, by its code: the worst by its metrics first."""
         from contactlab.judge.worst_runs import order_worst_first  # noqa: PLC0415 - takes a while
 
         if code not in self._worst_rows:
-            rows = np.flatnonzero(self.codes == code)
+            rows = np.flatnonzero(self.codes == code).astype(np.uint32)
             self._worst_rows[code] = rows[order_worst_first(store, self.names[code], rows)]
         return self._worst_rows[code]
 

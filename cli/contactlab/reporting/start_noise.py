@@ -24,12 +24,24 @@ def distance_to_reality(axes: Sequence[GridAxis], columns: RunColumns) -> str:
 
 def start_noise(axes: Sequence[GridAxis], values: Floats) -> float | None:
     """Return the mean distance of values (n,) of runs that differ in seed or perturbation only."""
+    return noise_floor(code_alike_runs(axes, len(values)), values)
+
+
+def code_alike_runs(axes: Sequence[GridAxis], runs: int) -> Codes:
+    """Return (runs,) one number for all runs that differ in seed or perturbation only."""
     others = [axis for axis in axes if axis.name not in (SEED, PERTURBATION)]
-    # Axes in bins differ in their numbers.
-    places = [other.codes if other.numbers is None else other.numbers for other in others]
-    table = np.array([np.zeros(len(values)), *places])
-    _, alike = np.unique(table, axis=1, return_inverse=True)
-    return noise_floor(alike.ravel(), values)
+    codes = np.zeros(runs, np.int64)
+    for axis in others:
+        count, places = len(axis.ticks), axis.codes
+        if axis.numbers is not None:
+            # Axes in bins differ in their numbers.
+            numbers, places = np.unique(axis.numbers, return_inverse=True)
+            count = len(numbers)
+        if int(codes.max(initial=0)) > np.iinfo(np.int64).max // count - 1:
+            codes = np.unique(codes, return_inverse=True)[1]
+        codes *= count
+        codes += places
+    return codes.astype(np.min_scalar_type(codes.max(initial=0)))
 
 
 def noise_floor(alike: Codes, values: Floats) -> float | None:
