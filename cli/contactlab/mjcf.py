@@ -37,3 +37,8 @@ def attribute_of(axis: str) -> str:
 def is_condition(axis: str) -> bool:
     """Return whether an axis is a physical condition: reports recommend no value of it."""
     return attribute_of(axis) in CONDITIONS
+
+
+def is_setting(axis: str) -> bool:
+    """Return whether an axis sets an option of the model, or an attribute of its contacts."""
+    return attribute_of(axis) in {*OPTIONS, *CONTACT, *AT_REST}

@@ -159,11 +159,11 @@ def test_values_that_are_lost_are_worse_than_any() -> None:
 
 
 def test_runs_that_cannot_change_hide_no_change() -> None:
-    """Three of four runs do not slide; in the others, all slip 3 % more, or some by chance."""
+    """Three of four runs do not slide, or differ by rounding; in the others, all slip 3 % more."""
     still = np.zeros(60)
-    noise = 1e-12 * np.random.default_rng(3).random((2, 60))
+    noise = np.random.default_rng(3).random((2, 60))
     slip = np.linspace(0.01, 0.02, 20)
-    for rest in ((still, still), noise, (np.ones(60), np.ones(60))):
+    for rest in ((still, still), 1e-12 * noise, (np.ones(60), np.ones(60)), 1 + 1e-6 * noise):
         more = found_in(*(np.r_[a, b] for a, b in zip(rest, (slip, 1.03 * slip), strict=True)))
         assert more == "failed"
     few = slip * np.r_[np.full(3, 1.03), np.ones(17)]

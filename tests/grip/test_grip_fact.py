@@ -82,3 +82,30 @@ def test_jaws_that_one_tendon_closes_are_a_hand(kind: str, tmp_path: Path) -> No
     fact = describe_fact(*saved(tmp_path, TENDON_JAWS[kind]), QPOS0)
     assert fact.sentence.startswith("its hand (palm) creeps: a box of 30x40x40 mm")
     assert fact.value < 5e-3
+
+
+ROW = """<mujoco><worldbody><geom type="plane" size="1 1 .1"/>{tiles}</worldbody>
+  <keyframe><key name="pressed" qvel="{speeds}"/></keyframe></mujoco>"""
+TILE = """<body name="tile{0}" pos="{1} 0 .024"><freejoint/>
+  <geom type="box" size=".0037 .012 .024" mass=".01"/></body>"""
+LIFT = """<mujoco><worldbody><body name="rail"><geom type="box" size=".7 .04 .04"/>
+  <body name="carriage" pos="0 0 .073"><joint name="way" type="slide" axis="1 0 0" range="0 1"/>
+    <geom type="box" size=".08 .06 .03" mass="4"/>
+    <body name="tool" pos="0 0 .03"><joint name="lift" type="slide" axis="0 0 1" range="0 .2"/>
+      <geom type="cylinder" size=".03 .05" pos="0 0 .05" mass="1"/></body></body></body></worldbody>
+  <actuator><position joint="way" kp="9000" kv="700"/><position joint="lift" kp="4000" kv="120"/>
+  </actuator></mujoco>"""
+
+
+def test_objects_that_press_on_each_other_hold_nothing(tmp_path: Path) -> None:
+    """Tiles that touch in a row, and are shoved together, are no fingers of each other."""
+    tiles = "".join(TILE.format(place, 0.0075 * place) for place in range(4))
+    shove = " ".join(["1 0 0 0 0 0", *["0 0 0 0 0 0"] * 3])
+    assert find_grip(*saved(tmp_path, ROW.format(tiles=tiles, speeds=shove)), "pressed") is None
+
+
+def test_a_lift_is_no_hand_that_fails(tmp_path: Path) -> None:
+    """A tool that comes down on its carriage closes on a box, but its model need not be a hand."""
+    reference, model = saved(tmp_path, LIFT)
+    assert not judge_grip(GripRequest(reference, fixes=False, placements=False)).holds
+    assert find_grip(reference, model, QPOS0) is None

@@ -48,6 +48,12 @@ def test_runs_are_in_the_order_of_their_metric(label: Any) -> None:
     assert order.tolist() == expected
 
 
+def test_the_deepest_stable_run_comes_first() -> None:
+    metrics = {"penetration_max": np.array([1e-4, np.nan, 3e-3, 1e-4])}
+    assert order_worst_first(store_of(metrics, []), "stable", np.arange(4)).tolist() == [2, 0, 3, 1]
+    assert order_worst_first(store_of({}, []), "stable", np.arange(3)).tolist() == [0, 1, 2]
+
+
 def test_of_several_metrics_the_one_farthest_beyond_its_limit_counts() -> None:
     """A factor of 4 beyond one limit is worse than a factor of 3 beyond a larger one."""
     metrics = {

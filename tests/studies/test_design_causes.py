@@ -8,7 +8,7 @@ import pytest
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
-from contactlab.studies.examine.design_causes import find_sagging_servo
+from contactlab.studies.examine.design_causes import find_overrun_stop, find_sagging_servo
 from contactlab.studies.examine.permanent_overlaps import find_permanent_overlaps
 from contactlab.studies.examine.standing_starts import find_fall, list_standing_poses
 from contactlab.studies.examine.undone_designs import TaskEnds
@@ -104,3 +104,30 @@ def test_a_control_that_allows_for_its_load_is_no_sag() -> None:
     """It aims above the level at which the load holds it."""
     aim = 9.81 * 0.4 / 6
     assert list(find_sagging_servo(TaskEnds(motion_of(CRANE.format(gain=6, aim=aim), 8.0)))) == []
+
+
+RAIL = """<mujoco><option gravity="0 0 0"/><worldbody><body name="car">
+    <joint name="rail" type="slide" axis="1 0 0" range="0 1" damping="10"
+      solreflimit="-500 -50"/>
+    <geom size=".05" mass="1"/></body></worldbody>
+  <actuator><position joint="rail" kp="1000" kv="60"/></actuator>
+  <keyframe><key name="sent" qpos=".5" ctrl="{aim}"/></keyframe></mujoco>"""
+
+
+@pytest.mark.parametrize(("aim", "words"), [(2.0, "beyond its limit"), (1.05, ""), (0.9, "")])
+def test_a_servo_that_presses_its_joint_far_beyond_its_limit_is_named(
+    aim: float, words: str
+) -> None:
+    """The stop is a spring of K = 500 N/m for each kilogram, and its impedance d is 0.95.
+
+    At rest, kp (aim - 1 - x) = m x K d^2 / (1 - d): a tenth of the range with aim 2, and half a
+    percent with 1.05.
+    """
+    motion = motion_of(RAIL.format(aim=aim))
+    found = [cause.sentence for cause in find_overrun_stop(TaskEnds(motion))]
+    assert len(found) == bool(words)
+    assert all(words in sentence for sentence in found)
+    end = TaskEnds(motion).end.qpos[0]
+    yields = 1000 * (aim - 1) / (1000 + 500 * 0.95**2 / 0.05)
+    assert end - 1 == pytest.approx(yields if aim > 1 else aim - 1, rel=0.15)
+    assert all(f"presses it {1e3 * (end - 1):.2g} mm" in sentence for sentence in found)

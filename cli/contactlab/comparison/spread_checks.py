@@ -191,10 +191,12 @@ def spread_finding(
 
 def _changed_pairs(before: Floats, after: Floats, rule: EffectiveRule) -> Mask:
     # As in any sign test, ties show no direction: runs without sliding would hide more friction in
-    # all others. Two values that are zero to the tolerance differ by rounding alone.
+    # all others, and so would those that differ by rounding, or by a tenth of the tolerance.
+    tie = 0.1  # tolerances
     finite = np.isfinite(before), np.isfinite(after)
     with np.errstate(invalid="ignore"):
-        moved = (before != after) & (np.maximum(np.abs(before), np.abs(after)) > rule.abs)
+        moved = np.abs(after - before) > tie * rule.limit.allow_change(before)
+        moved &= np.maximum(np.abs(before), np.abs(after)) > rule.abs
     return np.where(finite[0] & finite[1], moved, finite[0] != finite[1])
 
 

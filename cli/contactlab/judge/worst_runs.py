@@ -4,8 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.measure import LABELS, THRESHOLDS
+from contactlab.measure.run_integrity import STABLE
 from contactlab.store.finished_store import Store
 
+_DEPTH = "penetration_max"
 Rows = NDArray[np.integer]
 
 
@@ -13,8 +15,14 @@ def order_worst_first(store: Store, label: str, rows: Rows) -> Rows:
     """Return the order of some rows of a label's runs: the worst first, equal ones unchanged.
 
     The runs farthest beyond a known limit, relative to it, come first. Those below all known
-    limits follow, by a metric with a limit that depends on the scene.
+    limits follow, by a metric with a limit that depends on the scene. The stable run with
+    the deepest contact comes first.
     """
+    if label == STABLE.name:
+        if _DEPTH not in store.columns.metric_columns:
+            return np.arange(len(rows))
+        # Runs without a contact have NaN, which sorts last.
+        return np.argsort(-store.columns.numbers(_DEPTH).values[rows], kind="stable")
     beyond, other, below = np.full((3, len(rows)), -np.inf)
     stated = store.manifest.sweep.resolved.get("thresholds") or {}
     for name, limit_name in LABELS[label].measures if label in LABELS else ():

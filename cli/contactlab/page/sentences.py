@@ -137,7 +137,7 @@ def closest_settings(data: ReportData) -> tuple[list[str], list[list[str]], list
     alike, has_floor = code_alike_runs(data.axes, data.store.columns.runs), False
     names = [column.name for column in data.quantities.columns]
     names = [name for name in names if name.startswith("reality")]
-    # Of a large store, one column is in memory at a time.
+    # A large store has one column in memory at a time.
     for quantity in data.quantities.select_named(names):
         header.append(f"mean {quantity.title}")
         for row, (setting, _) in zip(rows, closest, strict=True):
@@ -149,7 +149,7 @@ def closest_settings(data: ReportData) -> tuple[list[str], list[list[str]], list
 
 
 def _find_closest(data: ReportData) -> list[tuple[NDArray[np.int64], int]]:
-    """Return the runs of each of the closest settings, and the one farthest from its recording."""
+    # Each entry has the runs of one of the closest settings, and the one farthest from reality.
     [reality] = data.quantities_named("reality")
     most_closest = 12  # lines of the page
     # Copies, so that the rows of all other settings leave memory.

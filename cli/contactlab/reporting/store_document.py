@@ -7,9 +7,11 @@ from dataclasses import replace
 from operator import itemgetter, methodcaller
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.judge.expectations import EXPECTED, expectation_findings
 from contactlab.measure import METRICS
+from contactlab.mjcf import is_condition, is_setting
 from contactlab.printable import shell_word
 from contactlab.rendering.amounts import format_amount
 from contactlab.rendering.document import (
@@ -29,6 +31,7 @@ from contactlab.reporting.map_axes import by_importance
 from contactlab.reporting.report_columns import (
     GridAxis,
     RunLabels,
+    combination_codes,
     read_accepted_overlap,
     read_axes,
     read_run_labels,
@@ -83,6 +86,13 @@ def describe_store(store: Store) -> Document:
     return document_of(Section(tuple(blocks), "summary"))
 
 
+def _has_stable_start(axes: Sequence[GridAxis], labels: RunLabels) -> NDArray[np.bool_]:
+    # (n,) whether other numerical settings make a run with the same start stable.
+    starts = [axis for axis in axes if is_condition(axis.name) or not is_setting(axis.name)]
+    codes = combination_codes(starts, len(labels.codes))
+    return np.isin(codes, np.unique(codes[~labels.failed]))
+
+
 def _result_sentences(
     store: Store, axes: Sequence[GridAxis], labels: RunLabels, share: ShareWords
 ) -> Iterator[str]:
@@ -90,6 +100,7 @@ def _result_sentences(
     invalid = np.array([name == "invalid" for name in labels.names], np.bool_)[labels.codes]
     steps = columns.numbers("label_step")
     began = labels.failed & steps.valid & (steps.values <= 1) & ~invalid
+    began &= ~_has_stable_start(axes, labels)
     yield stable_share(labels, share)
     if not labels.failed.any():
         # A sweep without a failure still shows how near its runs come to one.
@@ -101,7 +112,10 @@ def _result_sentences(
             if name in columns.metric_columns and columns.has_finite(name):
                 values = columns.numbers(name).values
                 row = int(np.nanargmax(values))
-                phrases.append(f"{what} at most {format_amount(float(values[row]), unit)}")
+                when = "backward_error_time"
+                at = columns.numbers(when).values[row] if when in columns.metric_columns else None
+                time = f" at {at:.3g} s" if name == "backward_error" and at is not None else ""
+                phrases.append(f"{what} at most {format_amount(float(values[row]), unit)}{time}")
                 if name == "penetration_max":
                     phrases.append(read_accepted_overlap(columns, row))
         yield "; ".join(filter(None, phrases))

@@ -37,7 +37,7 @@ def find_sagging_servo(ends: TaskEnds, most: float = 0.05) -> Iterator[Cause]:
         return
     model, data = ends.model, ends.end
     worst, sentence = most, ""
-    for _, joint, aim in list_held_positions(model, data):
+    for _, joint, aim, _ in list_held_positions(model, data):
         dof, hinge = int(model.jnt_dofadr[joint]), int(model.jnt_type[joint]) == _HINGE
         size, place = ends.find_size(joint), int(model.jnt_qposadr[joint])
         begin, end = float(ends.begin.qpos[place]), float(data.qpos[place])
@@ -46,8 +46,7 @@ def find_sagging_servo(ends: TaskEnds, most: float = 0.05) -> Iterator[Cause]:
         sag = min(abs(end - aim), abs(end - begin)) / size
         if carried or moves or abs(begin - aim) > most * size / 2 or not sag > worst:
             continue
-        amount = f"{format_digits(math.degrees(abs(end - aim)), 2)} deg"
-        amount = amount if hinge else f"{format_digits(1e3 * abs(end - aim), 2)} mm"
+        amount = _describe_length(model, joint, end - aim)
         worst = sag
         sentence = (
             f"the servo of {model.joint(joint).name or f'joint[{joint}]'} sags by {amount} from "
@@ -57,6 +56,41 @@ def find_sagging_servo(ends: TaskEnds, most: float = 0.05) -> Iterator[Cause]:
         )
     if sentence:
         yield Cause(stage="design", sentence=sentence)
+
+
+def find_overrun_stop(ends: TaskEnds, most: float = 0.05) -> Iterator[Cause]:
+    """Yield the servo that rests farthest beyond a limit of its joint, with its target beyond it.
+
+    Args:
+        ends: of the task.
+        most: share of a joint's range that a limit may yield to its servo, as in
+            `find_sagging_servo`.
+    """
+    if not ends.is_driven_evenly:
+        return
+    model, data = ends.model, ends.end
+    worst, sentence = most, ""
+    for _, joint, nearest, target in list_held_positions(model, data):
+        size, end = ends.find_size(joint), float(data.qpos[model.jnt_qposadr[joint]])
+        rests = abs(data.qvel[model.jnt_dofadr[joint]]) <= _MOST_SPEED * size
+        # A target within the range leaves nothing beyond it, and both lie on the same side.
+        beyond = math.copysign(1.0, target - nearest) * (end - nearest) if target != nearest else 0
+        if not rests or not beyond / size > worst:
+            continue
+        worst = beyond / size
+        far, out = (_describe_length(model, joint, each) for each in (target - nearest, beyond))
+        sentence = (
+            f"the servo of {model.joint(joint).name or f'joint[{joint}]'} presses it {out} beyond "
+            f"its limit ({format_percent(worst)} of its range): its control asks for {far} beyond"
+        )
+    if sentence:
+        yield Cause(stage="design", sentence=sentence)
+
+
+def _describe_length(model: mujoco.MjModel, joint: int, amount: float) -> str:
+    if int(model.jnt_type[joint]) == _HINGE:
+        return f"{format_digits(math.degrees(abs(amount)), 2)} deg"
+    return f"{format_digits(1e3 * abs(amount), 2)} mm"
 
 
 def find_lost_grip(model: mujoco.MjModel, grip: GripReport, sentence: str) -> Iterator[Cause]:

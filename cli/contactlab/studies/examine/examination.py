@@ -46,7 +46,11 @@ from contactlab.studies.check.own_runs import describe_reference
 from contactlab.studies.examine.conclusion import conclude, find_failed_checks
 from contactlab.studies.examine.contact_values import measure_contacts, split_values
 from contactlab.studies.examine.departures import list_departures
-from contactlab.studies.examine.design_causes import find_lost_grip, find_sagging_servo
+from contactlab.studies.examine.design_causes import (
+    find_lost_grip,
+    find_overrun_stop,
+    find_sagging_servo,
+)
 from contactlab.studies.examine.engine_faults import MetFaults
 from contactlab.studies.examine.facts import (
     explain_depth,
@@ -426,6 +430,7 @@ def _list_design_causes(
     if grip is not None:
         yield from find_lost_grip(ends.model, grip, describe_grip(grip).sentence)
     yield from find_sagging_servo(ends)
+    yield from find_overrun_stop(ends)
     yield from list_undone_designs(ends)
 
 

@@ -46,11 +46,15 @@ class StandingPose(NamedTuple):
 
 
 class HeldPosition(NamedTuple):
-    """A position servo, its joint, and the position that its control holds it at [rad, m]."""
+    """A position servo, its joint, and the position that its control holds it at [rad, m].
+
+    The target is that of the control, which may lie beyond the joint's range.
+    """
 
     actuator: int
     joint: int
     position: float
+    target: float
 
 
 def list_standing_poses(motion: Motion) -> Iterator[StandingPose]:
@@ -60,7 +64,7 @@ def list_standing_poses(motion: Motion) -> Iterator[StandingPose]:
     """
     model, data = motion.model, begin_motion(motion)
     held = data.qpos.copy()
-    for _, joint, position in list_held_positions(model, data):
+    for _, joint, position, _ in list_held_positions(model, data):
         held[model.jnt_qposadr[joint]] = position
     if not np.array_equal(held, data.qpos):
         yield StandingPose(held, "its joints where its controls hold them")
@@ -174,10 +178,10 @@ def list_held_positions(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[
         gear = float(model.actuator_gear[actuator, 0])
         if model.jnt_type[joint] not in _SCALAR or not gear:
             continue
-        position = -(gain * data.ctrl[actuator] + bias[0]) / (bias[1] * gear)
+        target = position = float(-(gain * data.ctrl[actuator] + bias[0]) / (bias[1] * gear))
         if model.jnt_limited[joint]:
             position = float(np.clip(position, *model.jnt_range[joint]))
-        yield HeldPosition(actuator, joint, float(position))
+        yield HeldPosition(actuator, joint, position, target)
 
 
 def _find_roots(model: mujoco.MjModel) -> list[int]:

@@ -25,8 +25,9 @@ def find_grip(
 ) -> GripReport | None:
     """Judge whether the object held at the start, or otherwise the robot's own hand, stays in grip.
 
-    A robot that is fixed to the world is reported only if the object stays, since legs drop it.
-    None without such a grip. `film` is called with the grip of the report.
+    A robot that is fixed to the world is reported only if the object stays, since legs drop it, and
+    one moving part only if it holds, since a lift and a press close like a hand, too. None without
+    such a grip. `film` is called with the grip of the report.
     """
     for request in _grip_requests(reference, start):
         grips = list[Grip]()
@@ -35,9 +36,10 @@ def find_grip(
             if not carried and not _is_fixed_hand(model):
                 continue
             report = judge_grip(replace(request, film=grips.append))
+            is_sure = carried or (report.verdict != "drops" and len(find_hand(model).fingers) > 1)
         except SceneError:
             continue  # nothing is held, or there is no hand
-        if not carried and report.verdict == "drops":
+        if not is_sure and not report.holds:
             return None
         for grip in grips:
             film(grip)

@@ -51,7 +51,9 @@ def find_held_object(
     if settled.failed[0]:
         raise SceneError(f"MuJoCo gives up within {settle_seconds} s of keyframe '{keyframe}'")
     data = data_at(model, settled.rows[0])
-    # The object is the free body with the largest contact force by bodies except the world.
+    # The object is the free body with the largest contact force by bodies except the world and
+    # other objects: bodies in a row press on each other, and none of them holds another.
+    objects = _find_objects(model)
     bodies = [require_id(model, "body", body)] if body else sorted(loose_bodies(model))
     pressing = dict[int, float]()
     for candidate in bodies:
@@ -62,6 +64,7 @@ def find_held_object(
             contact.force
             for contact in contacts
             if model.body_weldid[model.geom_bodyid[contact.geom]] != 0
+            and int(model.geom_bodyid[contact.geom]) not in objects
         ]
         pressing[candidate] = sum(pressing_on)
     number = max(pressing, key=lambda each: pressing[each], default=-1)
@@ -72,7 +75,8 @@ def find_held_object(
         )
     body_contacts = find_contacts(model, data, number)
     # The bodies that press are fingers, carried by their nearest common base.
-    touching = sorted({int(model.geom_bodyid[contact.geom]) for contact in body_contacts} - {0})
+    touching = {int(model.geom_bodyid[contact.geom]) for contact in body_contacts}
+    touching = sorted(touching - objects - {0})
     carrier = require_id(model, "body", base) if base else _shared_base(model, touching)
     fingers = [
         tuple(list_subtree(model, root))
@@ -111,6 +115,12 @@ def find_held_object(
             "name a keyframe in which fingers hold it"
         )
     return fixture, squeeze
+
+
+def _find_objects(model: mujoco.MjModel) -> set[int]:
+    # Free bodies without joints of their own, which cannot close.
+    trees = [list_subtree(model, root) for root in loose_bodies(model)]
+    return {body for tree in trees if model.body_jntnum[tree].sum() == 1 for body in tree}
 
 
 def _shared_base(model: mujoco.MjModel, bodies: Sequence[int]) -> int:

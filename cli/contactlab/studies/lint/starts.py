@@ -192,11 +192,15 @@ def find_radians_as_degrees(linted: LintedModel) -> Iterator[Fault]:
 def find_degrees_as_radians(linted: LintedModel) -> Iterator[Fault]:
     """Ranges of joints are in degrees, where the compiler reads radians.
 
-    More than half of the limited hinges turn by more than four turns, by numbers up to 360. A URDF
-    always has radians. Fix: `<compiler angle="degree"/>`.
+    More than half of the limited hinges turn by more than four turns, by numbers up to 360; a
+    single one by multiples of 5, as people write degrees. A URDF always has radians. Fix:
+    `<compiler angle="degree"/>`.
     """
     hinges, model = limited_hinges(linted.model), linted.model
-    if len(hinges) < MIN_LIMITED_HINGES or (linted.spec.compiler.degree and not linted.is_urdf):
+    if linted.spec.compiler.degree and not linted.is_urdf:
+        return
+    is_round = not (model.jnt_range[hinges] % 5).any()
+    if len(hinges) < MIN_LIMITED_HINGES and not is_round:
         return
     wide_turn = 8 * math.pi  # four turns
     wide = [joint for joint in hinges if np.ptp(model.jnt_range[joint]) > wide_turn]
