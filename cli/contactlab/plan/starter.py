@@ -5,12 +5,15 @@ import re
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 
+from contactlab.mjcf import is_condition
+from contactlab.printable import shell_word
 from contactlab.schema.task import SEEDS
 from contactlab.schema.vocabulary import DROP_HEIGHT, Vocabulary
 
 SCHEMA_NAME = "contactlab-sweep.schema.json"
 _SEED_COUNT = len(SEEDS)
 _ERROR_METRIC = "backward_error"
+_FREE = re.compile(r"\.v?[xyz]$")
 _PLAIN_WORD = re.compile(r"[A-Za-z][\w.-]*")
 
 
@@ -86,7 +89,7 @@ def starter_text(
         "trace: all            # all, flagged, none or sample:N; without one, a run has no film",
         "trace_format: messages # which viewers open; compact is smaller, for contactlab alone",
         "",
-        *_axis_list(vocabulary),
+        *_axis_list(reference, vocabulary),
     ]
     return "\n".join(lines).rstrip() + "\n"
 
@@ -148,10 +151,11 @@ def _yaml_value(value: object) -> str:
     return text if _PLAIN_WORD.fullmatch(text) else json.dumps(text)
 
 
-def _axis_list(vocabulary: Vocabulary) -> list[str]:
+def _axis_list(reference: str, vocabulary: Vocabulary) -> list[str]:
     most_names = 40
-    names = vocabulary.axes[:most_names]
-    specs = [spec for name in names if (spec := vocabulary.find(name))]
+    # Conditions first: a reader knows the settings of MuJoCo, and seldom that the start is an axis.
+    names = sorted(vocabulary.axes, key=lambda name: not is_condition(name))
+    specs = [spec for name in names[:most_names] if (spec := vocabulary.find(name))]
     width = max((len(spec.name) for spec in specs), default=0)
     lines = ["# Axes of this scene:"] if specs else []
     line_width = 100  # of the list of axes
@@ -166,6 +170,11 @@ def _axis_list(vocabulary: Vocabulary) -> list[str]:
             break_on_hyphens=False,
         )
     if vocabulary.coordinates:
-        some = ", ".join(vocabulary.coordinates[:4])
-        lines.append(f"#   and each coordinate or velocity of a joint at the start: {some}, ...")
+        # Free bodies first, which drop heights and speeds are of.
+        some = sorted(vocabulary.coordinates, key=lambda name: not _FREE.search(name))[:6]
+        lines.append("#   and each coordinate or velocity of a joint at the start:")
+        lines.append(f"#   {', '.join(some)}, ...")
+    if len(names) > most_names:
+        command = f"contactlab list axes {shell_word(reference)}"
+        lines.append(f"#   and {len(names) - most_names} more: {command}")
     return lines
