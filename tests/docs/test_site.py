@@ -29,7 +29,8 @@ def test_the_site_builds_and_names_every_command_label_and_case(tmp_path: Path) 
     def page(name: str) -> str:
         return (tmp_path / "html" / name / "index.html").read_text(encoding="utf-8")
 
-    assert all(f"contactlab {name}" in page("reference/commands") for name in ("sweep", "tune"))
+    commands = page("reference/commands")
+    assert all(f'<span class="pre">{name}</span>' in commands for name in ("sweep", "tune"))
     assert all(name in page("reference/labels") for name in LABELS)
     assert all(name in page("reference/metrics") for name in METRICS)
     assert "contactlab.sweep" in page("reference/functions")

@@ -38,7 +38,7 @@ from contactlab.comparison.spread_checks import (
     spread_metric_checks,
 )
 from contactlab.errors import ContactlabError, ExpectationError, PolicyError, StoreError
-from contactlab.judge.conclusion import exit_code
+from contactlab.judge.conclusion import exit_code, failed_names
 from contactlab.judge.policies import check_names
 from contactlab.judge.subjects import CHANGED, NAMES, NOT_COMPARABLE, SAME, Subject
 from contactlab.judge.waivers import apply_waivers
@@ -358,10 +358,14 @@ def draw_conclusion(checks: Sequence[Finding], passed: str = "same") -> tuple[Ch
         verdict = NAMES[max(failed)]
     elif code:
         verdict = "not comparable"
-    parts = [f"{len(failed)} of {plural(len(checks), 'check')} fail"] if failed else []
+    # A log of a job may have the headline alone.
+    names, most_names = list(dict.fromkeys(failed_names(checks))), 2
+    more = [f"{len(names) - most_names} more"] if len(names) > most_names else []
+    shown = ", ".join([*names[:most_names], *more])
+    parts = [f"{len(failed)} of {plural(len(checks), 'check')} fail: {shown}"] if failed else []
     parts += [f"{plural(len(skipped), 'check')} cannot be made"] if skipped else []
     if parts:
-        return verdict, code, f"{_verdict_words(verdict, checks)}: {', '.join(parts)}"
+        return verdict, code, f"{_verdict_words(verdict, checks)}: {'; '.join(parts)}"
     changes = ", ".join(_count_changes(checks))
     word = passed if verdict == "same" else verdict
     return verdict, code, f"{word}: no check of {len(checks)} fails{changes and f'; {changes}'}"
