@@ -59,6 +59,19 @@ def test_one_run_with_a_new_label_fails_no_job(before: Path, tmp_path: Path) -> 
     assert (each.exit_code, outcome(each.findings, "no new chatter")) == (1, "failed")
 
 
+@pytest.mark.parametrize("names", [(), ("metric_versions",), ("scene_hash",)])
+def test_a_changed_model_is_a_difference_whatever_the_policy_names(
+    names: tuple[str, ...], before: Path, tmp_path: Path
+) -> None:
+    after = write(tmp_path / "after", seeded("b"))
+    require = {"same": names, "warn_if_different": ()}
+    policy = ComparePolicy.model_validate({"version": 1, "require": require})
+    report = compare_stores(before, after, policy)
+    assert [(each.what, each.required) for each in report.differences] == [("scene_hash", False)]
+    again = compare_stores(before, write(tmp_path / "again", seeded("a")), policy)
+    assert not again.differences
+
+
 def test_a_label_of_many_runs_fails_the_job(before: Path, tmp_path: Path) -> None:
     changed = seeded("b")
     for index in range(0, 24, 3):

@@ -116,6 +116,14 @@ def compare_stores(
     of_labels = list(spread_label_checks(labels) if spread else label_checks(labels))
     transitions = labels.count_transitions()
     sameness = list(_sameness_checks(before, after, policy))
+    differences = [difference for _, difference in sameness if difference]
+    models = find_difference(before, after, "scene_hash")
+    if models and all(difference.what != "scene_hash" for difference in differences):
+        # A report begins with the changes of the model, also if the policy does not name it.
+        old, new = models
+        differences.append(
+            Difference(what="scene_hash", baseline=old, candidate=new, required=False)
+        )
     checks = [
         _COMPARABLE.make_single(SAME, "both are sound"),
         *_store_checks(before, after),
@@ -159,7 +167,7 @@ def compare_stores(
             knife_edge=int(flagged.sum()),
             knife_edge_flipped=int((flagged & flipped).sum()),
         ),
-        differences=tuple(difference for _, difference in sameness if difference),
+        differences=tuple(differences),
         transitions=transitions,
         findings=tuple(checks),
         advice=tuple(_advise_commands(checks, before, after)),
