@@ -7,9 +7,10 @@ from typing import Any
 
 import pytest
 
-from contactlab.comparison.compare_stores import compare_stores
+from contactlab.comparison.compare_stores import compare_stores, draw_conclusion
 from contactlab.comparison.report import report_of
 from contactlab.errors import PolicyError, StoreError
+from contactlab.judge.subjects import MISSING, WORSE, Subject
 from contactlab.judge.wording import with_interval
 from contactlab.schema.comparison import ComparePolicy
 from contactlab.schema.finding import Finding
@@ -158,3 +159,21 @@ def test_pass_k_is_of_settings_where_each_has_so_many_runs(outcome: Callable[...
 def test_without_pairs_runs_must_say_how_they_ended(outcome: Callable[..., None]) -> None:
     with pytest.raises(StoreError, match="good: stable"):
         outcome(range(12), range(24), "none")
+
+
+@pytest.mark.parametrize(
+    ("kinds", "word"),
+    [
+        ({"metrics": MISSING}, "values missing"),
+        ({"metrics": MISSING, "labels": WORSE}, "worse"),
+        ({"runs": MISSING, "labels": WORSE}, "runs missing"),
+    ],
+)
+def test_a_missing_value_is_no_headline_beside_worse_runs(kinds: dict[str, int], word: str) -> None:
+    checks = [
+        Subject(f"no less {kind}", kind, "gate").make_single(code, "")
+        for kind, code in kinds.items()
+    ]
+    _, code, headline = draw_conclusion(checks)
+    assert code == 1
+    assert headline.startswith(f"{word}: {len(kinds)} of {len(kinds)} check")
