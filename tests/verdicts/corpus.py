@@ -72,7 +72,7 @@ class Case(BaseModel):
         reason: why the limit is what it is.
         source: where the case comes from; empty where it is that of its part.
         nature: whether the motion is not that of the model, or the model not what it stands for.
-        where: bodies, joints, tendons, actuators or geoms, one of which a right reason names.
+        where: bodies, joints, tendons, actuators, geoms or sites; a right reason names one of them.
         removes: changes to the failing model: its twin's, others that mend it also, and not.
         measured: by model (nudged, or of finer steps), what is measured, in units of the limit.
         chaotic: whether its motion hangs on the step, though it is sound.

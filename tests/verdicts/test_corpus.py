@@ -16,7 +16,7 @@ from tests.verdicts.motion import watch
 from contactlab.expression import ExpressionError
 
 PARTS = sorted(file.parent.name for file in FOLDER.glob("*/truth.json"))
-_KINDS = ("BODY", "JOINT", "GEOM", "TENDON", "ACTUATOR", "EQUALITY", "FLEX")
+_KINDS = ("BODY", "JOINT", "GEOM", "SITE", "TENDON", "ACTUATOR", "EQUALITY", "FLEX")
 NAMED = [getattr(mujoco.mjtObj, f"mjOBJ_{kind}") for kind in _KINDS]
 
 
