@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from contactlab.reporting.report_columns import GridAxis, RunLabels
-from contactlab.reporting.store_document import _has_stable_start
+from contactlab.reporting.store_document import has_stable_start
 
 
 def axis_of(name: str, codes: list[int]) -> GridAxis:
@@ -30,5 +30,5 @@ def test_a_start_with_a_stable_run_is_not_to_blame(
 ) -> None:
     codes: Any = np.array([0 if each else 1 for each in failed])
     labels = RunLabels(("chatter", "stable"), ("C", ""), (), codes, codes, ())
-    found = _has_stable_start([axis_of(*each) for each in axes.items()], labels)
+    found = has_stable_start([axis_of(*each) for each in axes.items()], labels)
     assert found.astype(int).tolist() == blameless

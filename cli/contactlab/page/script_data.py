@@ -184,7 +184,9 @@ def _selected_runs(data: ReportData, with_series: Sequence[int]) -> Codes:
     """Return the runs of an aggregated page: some of each label, and one of each cell."""
     labels = data.labels
     codes = range(len(labels.names))
-    selected = [labels.worst_rows(data.store, code)[: _RULES.runs_per_label] for code in codes]
+    selected: list[Codes] = [
+        labels.worst_rows(data.store, code)[: _RULES.runs_per_label] for code in codes
+    ]
     if data.map_axes is not None:
         selected.append(data.map_axes.firsts)
     return np.unique(np.concatenate([np.array(with_series, dtype=np.int64), *selected]))

@@ -86,8 +86,8 @@ def describe_store(store: Store) -> Document:
     return document_of(Section(tuple(blocks), "summary"))
 
 
-def _has_stable_start(axes: Sequence[GridAxis], labels: RunLabels) -> NDArray[np.bool_]:
-    # (n,) whether other numerical settings make a run with the same start stable.
+def has_stable_start(axes: Sequence[GridAxis], labels: RunLabels) -> NDArray[np.bool_]:
+    """Return (n,) whether other settings of the model make a run with the same start stable."""
     starts = [axis for axis in axes if is_condition(axis.name) or not is_setting(axis.name)]
     codes = combination_codes(starts, len(labels.codes))
     return np.isin(codes, np.unique(codes[~labels.failed]))
@@ -100,7 +100,7 @@ def _result_sentences(
     invalid = np.array([name == "invalid" for name in labels.names], np.bool_)[labels.codes]
     steps = columns.numbers("label_step")
     began = labels.failed & steps.valid & (steps.values <= 1) & ~invalid
-    began &= ~_has_stable_start(axes, labels)
+    began &= ~has_stable_start(axes, labels)
     yield stable_share(labels, share)
     if not labels.failed.any():
         # A sweep without a failure still shows how near its runs come to one.
