@@ -363,7 +363,7 @@ def draw_conclusion(checks: Sequence[Finding], passed: str = "same") -> tuple[Ch
     changed = set(counts) - {"same", "not comparable"}
     verdict: Change = "changed" if changed - {"better"} else "better" if changed else "same"
     if (code := exit_code(checks)) == ExpectationError.exit_code:
-        # A value that one metric lacks is not the headline beside others that are worse.
+        # A missing value of one metric says less than another check that is worse.
         runs_missing = any(check.verdict == "missing" and check.kind == "runs" for check in checks)
         others = [number for number in failed if NAMES[number] != "missing"]
         verdict = NAMES[max(failed if runs_missing or not others else others)]

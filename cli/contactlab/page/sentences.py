@@ -135,8 +135,8 @@ def closest_settings(data: ReportData) -> tuple[list[str], list[list[str]], list
     header = ["farthest run", *(axis.title for axis in knobs), "runs"]
     foot = ["start noise", *("" for _ in knobs), ""]
     alike, has_floor = code_alike_runs(data.axes, data.store.columns.runs), False
-    names = [column.name for column in data.quantities.columns]
-    names = [name for name in names if name.startswith("reality")]
+    columns = data.quantities.columns
+    names = [column.name for column in columns if column.name.startswith("reality")]
     # A large store has one column in memory at a time.
     for quantity in data.quantities.select_named(names):
         header.append(f"mean {quantity.title}")

@@ -266,6 +266,22 @@ def combination_codes(axes: Sequence[GridAxis], runs: int) -> Codes:
     return codes
 
 
+def exact_codes(axes: Sequence[GridAxis], runs: int) -> Codes:
+    """Return (n,) the same as `combination_codes`, where axes in bins differ in their numbers."""
+    codes = np.zeros(runs, dtype=np.int64)
+    for axis in axes:
+        count, places = len(axis.ticks), axis.codes
+        if axis.numbers is not None:
+            numbers, places = np.unique(axis.numbers, return_inverse=True)
+            count = len(numbers)
+        # Renumbered before a product of many axes overflows.
+        if int(codes.max(initial=0)) > np.iinfo(np.int64).max // count - 1:
+            codes = np.unique(codes, return_inverse=True)[1]
+        codes *= count
+        codes += places
+    return codes
+
+
 def summary_metrics() -> list[str]:
     """Return the physical metrics that a sweep's summary prints, the penetration first."""
     from contactlab.measure import METRICS  # noqa: PLC0415 - takes a while

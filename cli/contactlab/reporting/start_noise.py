@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.reporting.report_columns import SEED, Codes, GridAxis
+from contactlab.reporting.report_columns import SEED, Codes, GridAxis, exact_codes
 from contactlab.schema.tradeoff_report import REALITY
 from contactlab.store.run_columns import RunColumns
 
@@ -30,17 +30,7 @@ def start_noise(axes: Sequence[GridAxis], values: Floats) -> float | None:
 def code_alike_runs(axes: Sequence[GridAxis], runs: int) -> Codes:
     """Return (runs,) one number for all runs that differ in seed or perturbation only."""
     others = [axis for axis in axes if axis.name not in (SEED, PERTURBATION)]
-    codes = np.zeros(runs, np.int64)
-    for axis in others:
-        count, places = len(axis.ticks), axis.codes
-        if axis.numbers is not None:
-            # Axes in bins differ in their numbers.
-            numbers, places = np.unique(axis.numbers, return_inverse=True)
-            count = len(numbers)
-        if int(codes.max(initial=0)) > np.iinfo(np.int64).max // count - 1:
-            codes = np.unique(codes, return_inverse=True)[1]
-        codes *= count
-        codes += places
+    codes = exact_codes(others, runs)
     return codes.astype(np.min_scalar_type(codes.max(initial=0)))
 
 

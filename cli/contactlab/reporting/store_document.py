@@ -31,7 +31,7 @@ from contactlab.reporting.map_axes import by_importance
 from contactlab.reporting.report_columns import (
     GridAxis,
     RunLabels,
-    combination_codes,
+    exact_codes,
     read_accepted_overlap,
     read_axes,
     read_run_labels,
@@ -89,7 +89,7 @@ def describe_store(store: Store) -> Document:
 def has_stable_start(axes: Sequence[GridAxis], labels: RunLabels) -> NDArray[np.bool_]:
     """Return (n,) whether other settings of the model make a run with the same start stable."""
     starts = [axis for axis in axes if is_condition(axis.name) or not is_setting(axis.name)]
-    codes = combination_codes(starts, len(labels.codes))
+    codes = exact_codes(starts, len(labels.codes))
     return np.isin(codes, np.unique(codes[~labels.failed]))
 
 
@@ -100,7 +100,8 @@ def _result_sentences(
     invalid = np.array([name == "invalid" for name in labels.names], np.bool_)[labels.codes]
     steps = columns.numbers("label_step")
     began = labels.failed & steps.valid & (steps.values <= 1) & ~invalid
-    began &= ~has_stable_start(axes, labels)
+    if began.any():
+        began &= ~has_stable_start(axes, labels)
     yield stable_share(labels, share)
     if not labels.failed.any():
         # A sweep without a failure still shows how near its runs come to one.
@@ -112,10 +113,11 @@ def _result_sentences(
             if name in columns.metric_columns and columns.has_finite(name):
                 values = columns.numbers(name).values
                 row = int(np.nanargmax(values))
-                when = "backward_error_time"
-                at = columns.numbers(when).values[row] if when in columns.metric_columns else None
-                time = f" at {at:.3g} s" if name == "backward_error" and at is not None else ""
-                phrases.append(f"{what} at most {format_amount(float(values[row]), unit)}{time}")
+                phrases.append(f"{what} at most {format_amount(float(values[row]), unit)}")
+                when = f"{name}_time"
+                if when in columns.metric_columns:
+                    (stored,) = columns.select_values([when], [row])
+                    phrases[-1] += f" at {stored[when]:.3g} s"
                 if name == "penetration_max":
                     phrases.append(read_accepted_overlap(columns, row))
         yield "; ".join(filter(None, phrases))
